@@ -1,0 +1,43 @@
+# The two commands a newcomer needs: `make demo` and `make test`. `make help` lists the rest.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+DEMO := demo-output
+
+.PHONY: help setup demo test check bench recordings lock clean
+
+help: ## this list
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 14
+
+setup: $(VENV)/.ready ## .venv/bin/fishlight, from the lock, and the system's GL parts
+
+$(VENV)/.ready: requirements.lock pyproject.toml setup.sh
+	PYTHON=$(PYTHON) ./setup.sh $(VENV)
+	@touch $@
+
+demo: setup ## replay the bundled recording: lights, maps, pictures and a video in demo-output/
+	$(BIN)/fishlight replay recordings/outdoor -o $(DEMO) --count 64 --force
+	@echo "Look at $(DEMO)/video.mp4, $(DEMO)/pictures/, $(DEMO)/maps/ and $(DEMO)/lights/."
+
+test: setup ## the whole test suite, on two processes
+	$(BIN)/python -m pytest -n 2 --dist loadscope -q
+
+check: setup ## formatter, linter, type checker, import contract
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: setup ## speed and accuracy against the peers: tests/benchmarks/results.json and its tables
+	$(BIN)/python -m tests.benchmarks.bench
+
+recordings: setup ## make the bundled recordings again, from the CC0 maps of npm's @pmndrs/assets
+	$(BIN)/python -m recordings.make
+
+lock: ## requirements.lock from pyproject.toml, with hashes (needs uv)
+	uv pip compile -q --universal --python-version 3.11 --generate-hashes --extra dev \
+	    --custom-compile-command "make lock" pyproject.toml -o requirements.lock
+
+clean: ## everything that was made here
+	rm -rf $(VENV) $(DEMO) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -1,0 +1,6 @@
+"""The capture stage's commands."""
+
+from collections.abc import Callable
+from typing import Any
+
+COMMANDS: tuple[tuple[Callable[..., Any], str], ...] = ()

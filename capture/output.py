@@ -1,0 +1,60 @@
+"""Results appear whole or not at all: written beside their place, then renamed into it."""
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from capture.errors import InputError
+
+_UMASK = os.umask(0)  # can only be read by setting it; done once, before any thread starts
+os.umask(_UMASK)
+
+
+def refuse_existing(path: Path, *, force: bool) -> None:
+    """Raise InputError if `path` exists and `force` is not set."""
+    if path.exists() and not force:
+        raise InputError(f"{path} exists; give --force to replace it")
+
+
+@contextmanager
+def replacing(path: Path, *, force: bool = True) -> Iterator[Path]:
+    """Yield a temporary path beside `path`, which takes its name when the block succeeds.
+
+    The temporary name keeps the suffix, for libraries that choose a format by it. On an exception
+    nothing is left behind and an older file stays as it was.
+
+    Raises
+    ------
+    InputError
+        If `path` exists and `force` is False, or its folder does not exist.
+    """
+    refuse_existing(path, force=force)
+    if not path.parent.is_dir():
+        raise InputError(f"{path.parent} is not a folder; {path.name} cannot be written there")
+    handle, name = tempfile.mkstemp(prefix=".partial-", suffix=path.suffix, dir=path.parent)
+    os.close(handle)
+    partial = Path(name)
+    try:
+        yield partial
+        partial.chmod(0o666 & ~_UMASK)
+        _sync(partial)
+        partial.replace(path)
+        _sync(path.parent)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str, *, force: bool = True) -> None:
+    """Write UTF-8 text to `path`, whole or not at all."""
+    with replacing(path, force=force) as partial:
+        partial.write_text(text, encoding="utf-8")
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

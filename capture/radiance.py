@@ -1,0 +1,110 @@
+"""Radiance in camera pixels, with what is known about each pixel."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.arrays import read_only
+
+RELATIVE = "relative"
+"""Scale of radiance without an absolute calibration."""
+
+
+@dataclass(frozen=True)
+class RadianceImage:
+    """Linear Rec.709 radiance of a camera picture.
+
+    Attributes
+    ----------
+    radiance : (H, W, 3) float32
+        Finite and at least 0, in the unit that `scale` names; a lower bound where `clipped`.
+    variance : (H, W, 3) float32
+        Variance of `radiance` from photon, read and quantisation noise; 0 where it is unknown.
+    valid : (H, W) bool
+        False where the pixel holds no measurement; its radiance is then 0.
+    clipped : (H, W) bool
+        True where even the shortest exposure was full in some channel.
+    scale : str
+        "relative", or the unit after an absolute calibration.
+    """
+
+    radiance: NDArray[np.float32]
+    variance: NDArray[np.float32]
+    valid: NDArray[np.bool_]
+    clipped: NDArray[np.bool_]
+    scale: str = RELATIVE
+
+    def __post_init__(self) -> None:
+        radiance = read_only("radiance", self.radiance, np.float32, (None, None, 3))
+        plane = radiance.shape[:2]
+        object.__setattr__(self, "radiance", radiance)
+        object.__setattr__(
+            self, "variance", read_only("variance", self.variance, np.float32, (*plane, 3))
+        )
+        for name in ("valid", "clipped"):
+            mask = read_only(name, getattr(self, name), np.bool_, plane)
+            object.__setattr__(self, name, mask)
+        if not np.isfinite(radiance.min(initial=0)) or radiance.min(initial=0) < 0:
+            raise ValueError("radiance must be finite and at least 0; clean_radiance() sees to it")
+        if not np.isfinite(radiance.max(initial=0)):
+            raise ValueError("radiance must be finite and at least 0; clean_radiance() sees to it")
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """(width, height)."""
+        return self.radiance.shape[1], self.radiance.shape[0]
+
+
+@dataclass(frozen=True)
+class Cleaned:
+    """Radiance fit for use, and how much of it was not.
+
+    `radiance` has zeros where `valid` is False (NaN or infinite) and where it was negative.
+    """
+
+    radiance: NDArray[np.float32]
+    valid: NDArray[np.bool_]
+    nan_count: int
+    infinite_count: int
+    negative_count: int
+
+    def __str__(self) -> str:
+        parts = [
+            f"{count} {kind}"
+            for count, kind in (
+                (self.nan_count, "NaN"),
+                (self.infinite_count, "infinite"),
+                (self.negative_count, "negative"),
+            )
+            if count
+        ]
+        return ", ".join(parts)
+
+
+def clean_radiance(radiance: NDArray[np.floating]) -> Cleaned:
+    """Return radiance without NaN, infinities and negative values, and count what was removed.
+
+    Parameters
+    ----------
+    radiance : (H, W, 3) float
+
+    Returns
+    -------
+    Cleaned
+        A pixel with a NaN or infinite channel is 0 and not valid. A negative channel (the ringing
+        of a resampling filter, or black subtracted from noise) is set to 0 and stays valid.
+        Counts are of channel values.
+    """
+    nan = np.isnan(radiance)
+    infinite = np.isinf(radiance)
+    valid = ~(nan | infinite).any(axis=-1)
+    negative = (radiance < 0) & valid[..., None]
+    clean = np.where(negative | ~valid[..., None], 0, radiance).astype(np.float32)
+    # A float64 value may overflow on its way to float32.
+    overflow = np.isinf(clean)
+    if overflow.any():
+        infinite |= overflow
+        valid &= ~overflow.any(axis=-1)
+        clean[~valid] = 0
+    return Cleaned(clean, valid, int(nan.sum()), int(infinite.sum()), int(negative.sum()))

@@ -1,0 +1,83 @@
+"""The sensor model: what a count says about the light that made it.
+
+Input  : counts in DN.    Output : linear values, 0 at black and 1 at white, and their noise.
+Fails  : where the response is assumed rather than measured: a camera's JPEG curve differs from
+         sRGB by up to a stop near white, and radiance is then off by as much.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from capture.arrays import read_only
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """Black and white level, response and noise of one camera.
+
+    Attributes
+    ----------
+    black_dn, white_dn : float
+        Counts for no light and for a full pixel.
+    response : (white_dn + 1, 3) float64, or None
+        Linear value of each count per channel, rising from 0 at black to 1 at white; None means
+        linear.
+    saturation : float
+        Linear value from which on a count is taken to be clipped.
+    full_well_e : float
+        Electrons at the linear value 1 and gain 1: sets the photon noise.
+    read_noise_e : float
+        Standard deviation of the read-out, in electrons.
+    source : str
+        Where the numbers come from ("assumed sRGB", "DNG header", ...), shown to the user.
+    """
+
+    black_dn: float
+    white_dn: float
+    response: NDArray[np.float64] | None = None
+    saturation: float = 0.98
+    full_well_e: float = 30_000.0
+    read_noise_e: float = 4.0
+    source: str = "assumed linear"
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.black_dn < self.white_dn:
+            raise ValueError(f"black {self.black_dn} must lie below white {self.white_dn}")
+        if not 0 < self.saturation <= 1:
+            raise ValueError(f"saturation must be in (0, 1], got {self.saturation}")
+        if self.full_well_e <= 0 or self.read_noise_e < 0:
+            raise ValueError("full_well_e must be positive and read_noise_e not negative")
+        if self.response is not None:
+            shape = (int(self.white_dn) + 1, 3)
+            response = read_only("response", self.response, np.float64, shape)
+            if not np.all(np.isfinite(response)) or np.any(np.diff(response, axis=0) < 0):
+                raise ValueError("response must be finite and must not fall")
+            object.__setattr__(self, "response", response)
+
+    def linear_table(self) -> NDArray[np.float32]:
+        """(65536 or 256, 3) linear value of every count; not clamped below black."""
+        length = 256 if self.white_dn <= 255 else 65536
+        counts = np.arange(length, dtype=np.float64)
+        if self.response is None:
+            column = (counts - self.black_dn) / (self.white_dn - self.black_dn)
+            return np.repeat(column[:, None], 3, axis=1).astype(np.float32)
+        inside = np.minimum(counts.astype(np.int64), len(self.response) - 1)
+        return self.response[inside].astype(np.float32)
+
+
+def srgb_decode(value: NDArray[Any]) -> NDArray[np.float64]:
+    """Linear value of sRGB-coded values in [0, 1] (IEC 61966-2-1)."""
+    value = np.asarray(value, np.float64)
+    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+
+
+def assumed_sensor(dtype: DTypeLike) -> Sensor:
+    """Sensor for counts whose camera is unknown: 8-bit is sRGB-coded, anything else linear."""
+    if np.dtype(dtype) == np.uint8:
+        curve = srgb_decode(np.arange(256) / 255.0)
+        response = np.repeat(curve[:, None], 3, axis=1)
+        return Sensor(0.0, 255.0, response=response, source="assumed sRGB")
+    return Sensor(0.0, 65535.0, source="assumed linear")

@@ -1,0 +1,1 @@
+"""From the picture of a sphere to lights: lat-long maps, remapping and light reduction."""

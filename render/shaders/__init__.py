@@ -1,0 +1,1 @@
+"""GLSL sources, read through importlib.resources."""
