@@ -1,8 +1,10 @@
 """The `fishlight` command: the stages' tools under one name, and one place for errors."""
 
 import sys
+from collections.abc import Sequence
+from importlib.metadata import version
 
-from cyclopts import App
+from cyclopts import App, CycloptsError, Parameter
 
 import calibration.cli
 import capture.cli
@@ -13,21 +15,29 @@ from capture.errors import FishlightError
 app = App(
     name="fishlight",
     help="Turns a fisheye or mirror-ball camera into the lights of a rendered scene.",
-    version_flags=["--version"],
+    version=lambda: version("fishlight"),
+    default_parameter=Parameter(negative=""),
 )
 for stage in (capture.cli, calibration.cli, lighting.cli, render.cli):
     for command, name in stage.COMMANDS:
         app.command(command, name=name)
 
 
-def main() -> None:
-    """Run the command line; a known error is one line on stderr and exit code 2."""
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line; a known error is one line on stderr and exit code 2.
+
+    Any other exception is a defect of fishlight and keeps its traceback.
+    """
     try:
-        app(exit_on_error=False, print_error=True)
+        app(arguments, exit_on_error=False, print_error=False)
+    except CycloptsError as error:
+        sys.exit(_fail(f"{error} See fishlight --help."))
     except FishlightError as error:
         sys.exit(_fail(str(error)))
+    except KeyboardInterrupt:
+        sys.exit(130)
 
 
 def _fail(message: str) -> int:
-    print(f"fishlight: {message}", file=sys.stderr)
+    print("fishlight: " + " ".join(message.split()), file=sys.stderr)
     return 2

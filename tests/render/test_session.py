@@ -1,0 +1,126 @@
+"""The session loop: every bracket is accounted for, threads end, errors reach the caller."""
+
+import threading
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from capture.errors import UnreadableFrame
+from capture.frame import Bracket, Exposure, Frame
+from render.session import QUEUE_LENGTH, Counters, Policy, StageClock, run_session
+
+
+def bracket(index: int) -> Bracket:
+    frame = Frame(np.zeros((2, 2, 3), np.uint8), Exposure(0.1), float(index), index)
+    return Bracket((frame,), index)
+
+
+def rendering(seen: list[int], pause_s: float = 0.0):
+    def process(item: Bracket, clock: StageClock, counters: Counters) -> None:
+        with clock.stage("work"):
+            time.sleep(pause_s)
+        counters.merged += 1
+        counters.rendered += 1
+        seen.append(item.index)
+
+    return process
+
+
+def no_threads_left() -> bool:
+    return not any(thread.name == "fishlight-producer" for thread in threading.enumerate())
+
+
+def test_every_bracket_is_processed_in_order_and_timed() -> None:
+    seen: list[int] = []
+    counters, clock = run_session(map(bracket, range(20)), rendering(seen))
+    assert seen == list(range(20))
+    assert counters == Counters(captured=20, merged=20, rendered=20)
+    assert len(clock.frames) == 20
+    assert set(clock.frames[0]) == {"decode", "work"}
+    assert no_threads_left()
+
+
+def test_a_slow_consumer_of_a_live_source_sees_the_newest_and_counts_the_rest() -> None:
+    seen: list[int] = []
+
+    def live() -> Iterator[Bracket]:
+        for index in range(30):
+            time.sleep(0.002)
+            yield bracket(index)
+
+    counters, _ = run_session(live(), rendering(seen, pause_s=0.02), policy=Policy.NEWEST)
+    assert counters.captured == 30
+    assert counters.replaced > 5
+    assert counters.add_up()
+    assert seen == sorted(seen)
+    assert seen[-1] == 29, "the newest bracket is never the one that is dropped"
+
+
+def test_the_queue_is_bounded_when_every_bracket_counts() -> None:
+    produced: list[int] = []
+    consumed: list[int] = []
+    lead: list[int] = []
+
+    def source() -> Iterator[Bracket]:
+        for index in range(15):
+            produced.append(index)
+            yield bracket(index)
+
+    def process(item: Bracket, _clock: StageClock, counters: Counters) -> None:
+        time.sleep(0.005)
+        consumed.append(item.index)
+        counters.rendered += 1
+        lead.append(len(produced) - len(consumed))
+
+    run_session(source(), process)
+    # queue + the one being put + the one just decoded
+    assert max(lead) <= QUEUE_LENGTH + 2
+
+
+def test_an_unreadable_bracket_is_counted_and_told() -> None:
+    seen: list[int] = []
+    told: list[str] = []
+    source = [bracket(0), UnreadableFrame("frame 1 is truncated"), bracket(2)]
+    counters, _ = run_session(
+        source, rendering(seen), on_failure=lambda error: told.append(str(error))
+    )
+    assert seen == [0, 2]
+    assert told == ["frame 1 is truncated"]
+    assert counters == Counters(captured=3, merged=2, rendered=2, failed=1)
+    assert counters.add_up()
+
+
+def test_an_exception_of_the_source_is_raised_here() -> None:
+    def source() -> Iterator[Bracket]:
+        yield bracket(0)
+        raise OSError("the disk is gone")
+
+    seen: list[int] = []
+    with pytest.raises(OSError, match="the disk is gone"):
+        run_session(source(), rendering(seen))
+    assert seen == [0], "what came before the failure is still processed"
+    assert no_threads_left()
+
+
+@pytest.mark.parametrize("policy", Policy)
+def test_an_exception_of_the_consumer_ends_an_endless_source(policy: Policy) -> None:
+    def endless() -> Iterator[Bracket]:
+        index = 0
+        while True:
+            yield bracket(index)
+            index += 1
+
+    def process(_item: Bracket, _clock: StageClock, _counters: Counters) -> None:
+        raise ValueError("no")
+
+    with pytest.raises(ValueError, match="no"):
+        run_session(endless(), process, policy=policy)
+    assert no_threads_left()
+
+
+def test_an_empty_source_ends_at_once() -> None:
+    counters, clock = run_session([], rendering([]))
+    assert counters == Counters()
+    assert clock.frames == []
