@@ -4,8 +4,8 @@ Domain : pixels (x, y) with integers at pixel centres; directions are unit vecto
 camera. Camera frame: +x right, +y down, +z forward. World frame: +Y up.
 """
 
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import Field, dataclass, field, fields, replace
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,9 @@ LEVEL = np.diag([-1.0, -1.0, 1.0])
 UP = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
 """R_world_camera of a camera that looks at the zenith, the top of its picture toward −Z."""
 
+_ROUNDING_RAD = 1e-12
+"""What rounding may add to the angle of a pixel on the valid angle itself."""
+
 
 class CameraModel(Protocol):
     """A lens: where a direction lands in the picture, and which direction a pixel sees.
@@ -27,14 +30,24 @@ class CameraModel(Protocol):
     calibration file. tests/calibration/test_camera_contract.py states what each keeps to.
     """
 
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
     @property
     def name(self) -> str:
         """The model's name in a calibration file."""
         ...
 
     @property
+    def axis_z(self) -> float:
+        """The axis is (0, 0, axis_z): the centre pixel sees it, angles are measured from it.
+
+        +1 for a lens; −1 for a mirror ball, whose middle shows the direction back to the camera.
+        """
+        ...
+
+    @property
     def limit_angle_rad(self) -> float:
-        """Largest angle from the optical axis that the model can represent."""
+        """Largest angle from the axis that the model can represent."""
         ...
 
     def project(
@@ -78,19 +91,20 @@ class Calibration:
     image_size_px : (int, int)
         (width, height) of the pictures it holds for.
     valid_angle_rad : float
-        Angle from the optical axis beyond which the model is not to be trusted.
+        Angle from the model's axis beyond which it is not to be trusted. The model's own limit
+        holds too.
     R_world_camera : (3, 3) float64
         Rotation that takes camera directions to the world; level and looking along +Z by default.
     image_circle : ImageCircle or None
     vignetting : tuple of float
         v1, v2, … of the relative illumination V(θ) = 1 + v1 θ² + v2 θ⁴ + …, θ in rad from the
-        optical axis; empty for none.
+        model's axis, positive up to the valid angle; empty for none.
     """
 
     model: CameraModel
     image_size_px: tuple[int, int]
     valid_angle_rad: float
-    R_world_camera: NDArray[np.float64] = field(default_factory=LEVEL.copy)
+    R_world_camera: NDArray[np.float64] = field(default_factory=lambda: LEVEL)
     image_circle: ImageCircle | None = None
     vignetting: tuple[float, ...] = ()
 
@@ -108,6 +122,12 @@ class Calibration:
                 f"got {rotation.tolist()}"
             )
         object.__setattr__(self, "R_world_camera", rotation)
+        angles = np.linspace(0.0, min(self.valid_angle_rad, self.model.limit_angle_rad), 257)
+        if not np.all(self.relative_illumination(angles) > 0):
+            raise InputError(
+                "vignetting must leave some light up to the valid angle: V(θ) = 1 + v1 θ² + … is "
+                f"not positive there with {list(self.vignetting)}"
+            )
 
     def unproject(
         self, pixels: NDArray[np.floating]
@@ -115,22 +135,19 @@ class Calibration:
         """Return world directions (..., 3) and validity (...) of pixels (..., 2).
 
         A pixel is valid inside the picture's edge (half a pixel beyond the outer centres), the
-        image circle and the valid angle.
+        image circle and the valid angle. Where the model has no direction it is NaN.
         """
         pixels = np.asarray(pixels, np.float64)
         directions, valid = self.model.unproject(pixels)
-        valid = valid & self._sees(pixels, directions)
-        return directions @ self.R_world_camera.T, valid
+        return directions @ self.R_world_camera.T, valid & self._sees(pixels, directions)
 
     def project(
         self, directions: NDArray[np.floating]
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Return pixels (..., 2) and validity (...) of world directions (..., 3)."""
-        directions = np.asarray(directions, np.float64)
-        in_camera = directions @ self.R_world_camera
+        in_camera = np.asarray(directions, np.float64) @ self.R_world_camera
         pixels, valid = self.model.project(in_camera)
-        length = np.linalg.norm(in_camera, axis=-1, keepdims=True)
-        return pixels, valid & self._sees(pixels, in_camera / length)
+        return pixels, valid & self._sees(pixels, in_camera)
 
     def relative_illumination(self, angle_rad: NDArray[np.floating]) -> NDArray[np.float64]:
         """V(θ): the share of the light on the axis that the lens passes at the angle θ."""
@@ -140,20 +157,87 @@ class Calibration:
         )
 
     def axis_angle(self, directions: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Angle in rad between unit world directions (..., 3) and the optical axis."""
-        in_camera = np.asarray(directions, np.float64) @ self.R_world_camera
-        return np.arctan2(np.hypot(in_camera[..., 0], in_camera[..., 1]), in_camera[..., 2])
+        """Angle in rad between world directions (..., 3) and the model's axis."""
+        return self._axis_angle(np.asarray(directions, np.float64) @ self.R_world_camera)
+
+    def check_size(self, size_px: tuple[int, int], what: str) -> None:
+        """Raise InputError unless the picture `what` has the size that the calibration holds for.
+
+        A picture that is known to be a resized one can be used with `scaled_to(size_px)`.
+        """
+        width, height = size_px
+        own_width, own_height = self.image_size_px
+        if (width, height) == (own_width, own_height):
+            return
+        message = (
+            f"{what} is {width}×{height} px but the calibration holds for {own_width}×{own_height}"
+        )
+        if _same_shape(size_px, self.image_size_px):
+            raise InputError(
+                f"{message}: if the picture was resized, scale the calibration file "
+                f"(centre and lengths in pixels × {width / own_width:.6g}) or the picture"
+            )
+        raise InputError(f"{message}: use the calibration of this camera and picture size")
+
+    def scaled_to(self, size_px: tuple[int, int]) -> "Calibration":
+        """Return the calibration for the same pictures resized to (width, height).
+
+        Raises
+        ------
+        InputError
+            If the shape differs by more than the rounding of a side to whole pixels.
+        """
+        if not _same_shape(size_px, self.image_size_px):
+            raise InputError(
+                f"a calibration for {self.image_size_px[0]}×{self.image_size_px[1]} px cannot be "
+                f"scaled to {size_px[0]}×{size_px[1]}: the shape differs"
+            )
+        scale = np.array(size_px) / np.array(self.image_size_px)
+        circle = self.image_circle
+        return replace(
+            self,
+            model=_scaled(self.model, scale),
+            image_size_px=size_px,
+            image_circle=None if circle is None else _scaled(circle, scale),
+        )
+
+    def _axis_angle(self, in_camera: NDArray[np.floating]) -> NDArray[np.float64]:
+        x, y, z = in_camera[..., 0], in_camera[..., 1], in_camera[..., 2]
+        return np.asarray(np.arctan2(np.hypot(x, y), z * self.model.axis_z))
 
     def _sees(
-        self, pixels: NDArray[np.float64], directions: NDArray[np.float64]
+        self, pixels: NDArray[np.float64], in_camera: NDArray[np.floating]
     ) -> NDArray[np.bool_]:
         x, y = pixels[..., 0], pixels[..., 1]
         width, height = self.image_size_px
         with np.errstate(invalid="ignore"):
             seen = (x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5)
-            angle = np.arctan2(np.hypot(directions[..., 0], directions[..., 1]), directions[..., 2])
-            seen &= angle <= self.valid_angle_rad + 1e-12
+            seen &= self._axis_angle(in_camera) <= self.valid_angle_rad + _ROUNDING_RAD
             if self.image_circle is not None:
                 centre_x, centre_y = self.image_circle.centre_px
                 seen &= np.hypot(x - centre_x, y - centre_y) <= self.image_circle.radius_px
         return np.asarray(seen)
+
+
+def _same_shape(size_px: tuple[int, int], other_px: tuple[int, int]) -> bool:
+    """Whether one size is the other times a factor, to the rounding of a side to whole pixels."""
+    (width, height), (other_width, other_height) = size_px, other_px
+    slack = max(width, height, other_width, other_height)
+    return 2 * abs(width * other_height - height * other_width) <= slack
+
+
+def _scaled(lens: Any, scale: NDArray[np.float64]) -> Any:
+    """Return a frozen dataclass whose fields in pixels hold for a picture scaled in x and y.
+
+    A pixel's centre is half a pixel from its corner, which is what scales: (x + ½) s − ½.
+    """
+    changes: dict[str, object] = {}
+    for name in (each.name for each in fields(lens) if each.name.endswith("_px")):
+        value = np.asarray(getattr(lens, name))
+        if name == "centre_px":
+            changes[name] = tuple(((value + 0.5) * scale - 0.5).tolist())
+        elif name == "focal_px":
+            changes[name] = tuple((value * scale).tolist())
+        else:  # a radius: its circle stays one to within the rounding of the picture's sides
+            changes[name] = float(value * np.sqrt(scale.prod()))
+    return replace(lens, **changes)

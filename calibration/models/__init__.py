@@ -1,1 +1,24 @@
 """Camera models, one a file: each maps directions to pixels and back, past 90° too."""
+
+from calibration.camera import CameraModel
+from calibration.models.equidistant import Equidistant
+from calibration.models.equirectangular import Equirectangular
+from calibration.models.equisolid import Equisolid
+from calibration.models.kannala_brandt import KannalaBrandt
+from calibration.models.mirror_ball import MirrorBall
+from calibration.models.orthographic import Orthographic
+from calibration.models.stereographic import Stereographic
+
+MODELS: dict[str, type[CameraModel]] = {
+    model.name: model
+    for model in (
+        Equidistant,
+        Equisolid,
+        Stereographic,
+        Orthographic,
+        KannalaBrandt,
+        MirrorBall,
+        Equirectangular,
+    )
+}
+"""Every camera model by its name in a calibration file."""

@@ -1,0 +1,122 @@
+"""Calibration files: one camera as JSON, simple enough to be written by hand from a data sheet.
+
+Input  : {"model": "equisolid", "image_size_px": [5616, 3744], "centre_px": [2807.5, 1871.5],
+          "focal_px": 1250.0, "valid_angle_rad": 1.62}, the model's other parameters by name, and
+         optionally R_world_camera, image_circle {centre_px, radius_px} and vignetting [v1, …].
+Output : Calibration, or InputError in one line that names the file and the key.
+"""
+
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from calibration.camera import LEVEL, Calibration, ImageCircle
+from calibration.models import MODELS
+from calibration.models.equirectangular import Equirectangular, full_sphere
+from capture.errors import InputError
+from capture.output import write_text
+
+_LIMIT_BYTES = 1 << 20
+
+_Row = tuple[float, float, float]
+
+
+class _Circle(msgspec.Struct, forbid_unknown_fields=True):
+    centre_px: tuple[float, float]
+    radius_px: float
+
+
+class _Camera(msgspec.Struct):
+    """The keys of a calibration file that do not belong to the model."""
+
+    image_size_px: tuple[int, int]
+    valid_angle_rad: float
+    R_world_camera: tuple[_Row, _Row, _Row] | None = None
+    image_circle: _Circle | None = None
+    vignetting: tuple[float, ...] = ()
+
+
+def read_calibration(path: Path) -> Calibration:
+    """Return the camera that a calibration file describes.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, a key is unknown or missing, or a value has the wrong type or
+        is out of range; angles above π are taken for degrees and refused.
+    """
+    content = _read_object(path)
+    name = content.pop("model", None)
+    if not isinstance(name, str) or name not in MODELS:
+        raise InputError(f'{path}: "model" must be one of {", ".join(MODELS)}; got {name!r}')
+    model_type = MODELS[name]
+    camera_keys = set(_Camera.__struct_fields__)
+    model_keys = {field.name for field in fields(model_type)}
+    unknown = sorted(content.keys() - camera_keys - model_keys)
+    if unknown:
+        known = ["model", *sorted(model_keys), *sorted(camera_keys)]
+        raise InputError(f'{path}: unknown key "{unknown[0]}"; known are {", ".join(known)}')
+    own = {key: value for key, value in content.items() if key in camera_keys}
+    camera: _Camera = _convert(path, own, _Camera)
+    if camera.valid_angle_rad > np.pi:
+        raise InputError(
+            f"{path}: valid_angle_rad must be in (0, π], got {camera.valid_angle_rad}; "
+            f"if those are degrees, write {np.deg2rad(camera.valid_angle_rad):.4f}"
+        )
+    parameters = {key: value for key, value in content.items() if key in model_keys}
+    if model_type is Equirectangular and not parameters:
+        model = full_sphere(camera.image_size_px)
+    else:
+        model = _convert(path, parameters, model_type)
+    rotation = LEVEL if camera.R_world_camera is None else np.array(camera.R_world_camera)
+    circle = camera.image_circle
+    try:
+        return Calibration(
+            model=model,
+            image_size_px=camera.image_size_px,
+            valid_angle_rad=camera.valid_angle_rad,
+            R_world_camera=rotation,
+            image_circle=circle and ImageCircle(circle.centre_px, circle.radius_px),
+            vignetting=camera.vignetting,
+        )
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def write_calibration(path: Path, calibration: Calibration, *, force: bool = True) -> None:
+    """Write a calibration file that `read_calibration` reads back exactly, a key a line."""
+    circle = calibration.image_circle
+    content: dict[str, Any] = {
+        "model": calibration.model.name,
+        "image_size_px": calibration.image_size_px,
+        **asdict(calibration.model),
+        "valid_angle_rad": calibration.valid_angle_rad,
+        "R_world_camera": calibration.R_world_camera.tolist(),
+    }
+    if circle is not None:
+        content["image_circle"] = asdict(circle)
+    if calibration.vignetting:
+        content["vignetting"] = calibration.vignetting
+    lines = [f'  "{key}": {msgspec.json.encode(value).decode()}' for key, value in content.items()]
+    write_text(path, "{\n" + ",\n".join(lines) + "\n}\n", force=force)
+
+
+def _read_object(path: Path) -> dict[str, Any]:
+    try:
+        if path.stat().st_size > _LIMIT_BYTES:
+            raise InputError(f"{path} is larger than any calibration file (1 MiB)")
+        return msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
+    except OSError as error:
+        raise InputError(f"calibration {path} cannot be read: {error.strerror}") from None
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} is not a calibration file in JSON: {error}") from None
+
+
+def _convert(path: Path, values: dict[str, Any], wanted: type[Any]) -> Any:
+    try:
+        return msgspec.convert(values, wanted)
+    except msgspec.ValidationError as error:
+        raise InputError(f"{path}: {error}") from None
