@@ -1,0 +1,51 @@
+"""Counts from any file that holds a frame: a picture, a RAW file, or linear radiance.
+
+Input  : a file.    Output : counts (H, W, 3) and the Sensor that explains them.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.errors import InputError
+from capture.pictures import PICTURE_SUFFIXES, read_picture
+from capture.radiance_files import read_hdr
+from capture.raw import RAW_SUFFIXES, read_raw
+from capture.sensor import Sensor, assumed_sensor
+
+RADIANCE_SUFFIXES = frozenset((".exr", ".hdr"))
+FRAME_SUFFIXES = PICTURE_SUFFIXES | RAW_SUFFIXES | RADIANCE_SUFFIXES
+
+
+def read_counts(path: Path) -> tuple[NDArray[Any], Sensor]:
+    """Return the counts of a file and its sensor, as far as the file tells.
+
+    Returns
+    -------
+    counts : (H, W, 3) uint8, uint16 or float32
+        Float for radiance files, as stored: NaN and negative values included.
+    sensor : Sensor
+        From the header of a RAW file, assumed for anything else.
+
+    Raises
+    ------
+    UnreadableFrame
+        If the file cannot be decoded in full.
+    InputError
+        If the file does not exist or its suffix is not of FRAME_SUFFIXES.
+    """
+    suffix = path.suffix.lower()
+    if suffix in RAW_SUFFIXES:
+        return read_raw(path)
+    if suffix in PICTURE_SUFFIXES:
+        counts = read_picture(path)
+    elif suffix in RADIANCE_SUFFIXES:
+        counts = np.asarray(read_hdr(path).rgb, np.float32)
+    else:
+        raise InputError(
+            f"{path}: {path.suffix or 'no suffix'} is no format of a frame; "
+            f"known are {', '.join(sorted(FRAME_SUFFIXES))}"
+        )
+    return counts, assumed_sensor(counts.dtype)

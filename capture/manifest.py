@@ -1,0 +1,225 @@
+"""What a recording says about itself: manifest.json, and the journal of one being written.
+
+The header is in manifest.json from the start. Each finished frame adds one line to frames.jsonl, so
+a frame costs the same however long the recording is; closing folds the lines into manifest.json.
+Whatever moment a writer is killed at, manifest.json and the journal's complete lines name exactly
+the frames that are whole.
+
+Input  : a recording's folder.    Output : Manifest; or the reverse.
+Fails  : a manifest of another major version, or above MAX_BYTES, is refused, not guessed at.
+"""
+
+from itertools import pairwise
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.errors import InputError
+from capture.output import write_text
+from capture.sensor import Sensor, assumed_sensor
+
+SCHEMA = "fishlight-recording/1"
+MANIFEST_NAME = "manifest.json"
+JOURNAL_NAME = "frames.jsonl"
+
+MAX_BYTES = 64 * 2**20
+"""Largest manifest or journal that is read: about 200,000 frames."""
+
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+Share = Annotated[float, msgspec.Meta(gt=0, le=1)]
+Index = Annotated[int, msgspec.Meta(ge=0, lt=2**53)]
+Pixels = Annotated[int, msgspec.Meta(gt=0, lt=2**31)]
+
+
+class SensorRecord(msgspec.Struct, frozen=True):
+    """A Sensor as the manifest holds it; `response` is "linear", "srgb" or one row per count."""
+
+    black_dn: Annotated[float, msgspec.Meta(ge=0)]
+    white_dn: Positive
+    response: Literal["linear", "srgb"] | list[tuple[float, float, float]]
+    saturation: Share
+    full_well_e: Positive
+    read_noise_e: Annotated[float, msgspec.Meta(ge=0)]
+    source: str = ""
+
+
+class FrameRecord(msgspec.Struct, frozen=True):
+    """One frame: where it is, how it was exposed, and the digest of its file.
+
+    `file` is relative to the recording's folder. `index` is the number that the source gave the
+    frame: a gap is a frame that was lost before it reached the disk. Frames with the same
+    `bracket` form one.
+    """
+
+    file: str
+    time_s: Positive
+    sha256: Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
+    size_px: tuple[Pixels, Pixels]
+    index: Index
+    bracket: Index
+    timestamp_s: float = 0.0
+    gain: Positive = 1.0
+    f_number: Positive | None = None
+
+
+class Manifest(msgspec.Struct, frozen=True, kw_only=True):
+    """All of manifest.json. `calibration` names a file of the folder."""
+
+    schema: str = SCHEMA
+    camera: str
+    sensor: SensorRecord
+    calibration: str | None = None
+    source: str
+    licence: str
+    frames: tuple[FrameRecord, ...] = ()
+
+
+class _Schema(msgspec.Struct):
+    schema: str
+
+
+_FRAME = msgspec.json.Decoder(FrameRecord)
+
+
+def read_manifest(folder: Path) -> Manifest:
+    """Return the manifest of a recording, frames of its journal included, in order of index.
+
+    Raises
+    ------
+    InputError
+        If the folder holds no manifest, or one that is too large, of another version, not valid
+        JSON, incomplete, or whose frames contradict one another or lie outside the folder.
+    """
+    path = folder / MANIFEST_NAME
+    if not path.is_file():
+        raise InputError(
+            f"{folder} holds no {MANIFEST_NAME}, so it is not a recording; "
+            "make one with `fishlight import`"
+        )
+    # The journal is read first: a writer that closes in between has folded it into the manifest.
+    journal = _journal_frames(folder / JOURNAL_NAME)
+    data = _bounded_bytes(path)
+    try:
+        schema = msgspec.json.decode(data, type=_Schema).schema
+        if schema != SCHEMA:
+            raise InputError(f"{path}: schema is {schema!r}, this fishlight reads {SCHEMA!r}")
+        manifest = msgspec.json.decode(data, type=Manifest)
+    except (msgspec.MsgspecError, RecursionError) as error:
+        raise InputError(f"{path}: {error}") from None
+    # A writer killed between folding the journal and removing it leaves its frames in both.
+    frames = sorted({*manifest.frames, *journal}, key=lambda frame: frame.index)
+    _check_frames(frames, path)
+    return msgspec.structs.replace(manifest, frames=tuple(frames))
+
+
+def write_manifest(folder: Path, manifest: Manifest) -> None:
+    """Write manifest.json, whole or not at all."""
+    text = msgspec.json.format(msgspec.json.encode(manifest), indent=1).decode()
+    write_text(folder / MANIFEST_NAME, text + "\n")
+
+
+def journal_line(frame: FrameRecord) -> bytes:
+    """Return the journal's line for a finished frame."""
+    return msgspec.json.encode(frame) + b"\n"
+
+
+def sensor_record(sensor: Sensor) -> SensorRecord:
+    """Return what the manifest holds for a Sensor."""
+    return SensorRecord(
+        black_dn=float(sensor.black_dn),
+        white_dn=float(sensor.white_dn),
+        response=_response_record(sensor),
+        saturation=float(sensor.saturation),
+        full_well_e=float(sensor.full_well_e),
+        read_noise_e=float(sensor.read_noise_e),
+        source=sensor.source,
+    )
+
+
+def sensor_of(record: SensorRecord) -> Sensor:
+    """Return the Sensor that the manifest describes; InputError if it contradicts itself."""
+    if record.response == "srgb":
+        response = _srgb_response()
+    elif record.response == "linear":
+        response = None
+    else:
+        response = np.array(record.response, np.float64).reshape(-1, 3)
+    try:
+        return Sensor(
+            black_dn=record.black_dn,
+            white_dn=record.white_dn,
+            response=response,
+            saturation=record.saturation,
+            full_well_e=record.full_well_e,
+            read_noise_e=record.read_noise_e,
+            source=record.source,
+        )
+    except ValueError as error:
+        raise InputError(f"the manifest's sensor cannot be used: {error}") from None
+
+
+def check_relative(name: str) -> None:
+    """Raise InputError unless `name` is a relative path that never climbs."""
+    path = PurePosixPath(name)
+    climbs = path.is_absolute() or ".." in path.parts or "\\" in name
+    if climbs or not path.parts or "\0" in name:
+        raise InputError(f"the path {name!r} must be relative and stay inside the recording")
+
+
+def _response_record(
+    sensor: Sensor,
+) -> Literal["linear", "srgb"] | list[tuple[float, float, float]]:
+    if sensor.response is None:
+        return "linear"
+    if np.array_equal(sensor.response, _srgb_response()):
+        return "srgb"
+    return [(float(red), float(green), float(blue)) for red, green, blue in sensor.response]
+
+
+def _srgb_response() -> NDArray[np.float64]:
+    response = assumed_sensor(np.uint8).response
+    assert response is not None
+    return response
+
+
+def _journal_frames(path: Path) -> list[FrameRecord]:
+    if not path.is_file():
+        return []
+    # Without its line feed the last line is not complete: its writer was killed.
+    lines = _bounded_bytes(path).split(b"\n")[:-1]
+    frames = []
+    for number, line in enumerate(lines, start=1):
+        try:
+            frames.append(_FRAME.decode(line))
+        except (msgspec.MsgspecError, RecursionError) as error:
+            raise InputError(f"{path}, line {number}: {error}") from None
+    return frames
+
+
+def _bounded_bytes(path: Path) -> bytes:
+    size = path.stat().st_size
+    if size > MAX_BYTES:
+        raise InputError(f"{path}: {size} bytes, more than the {MAX_BYTES} that are read")
+    return path.read_bytes()
+
+
+def _check_frames(frames: list[FrameRecord], path: Path) -> None:
+    files = set()
+    for frame in frames:
+        check_relative(frame.file)
+        if frame.file in files:
+            raise InputError(f"{path}: frame {frame.file!r} is listed twice, with different data")
+        files.add(frame.file)
+    for before, after in pairwise(frames):
+        if after.index == before.index:
+            raise InputError(
+                f"{path}: {before.file!r} and {after.file!r} both have index {after.index}"
+            )
+        if after.bracket < before.bracket:
+            raise InputError(
+                f"{path}: {after.file!r} of bracket {after.bracket} comes after "
+                f"{before.file!r} of bracket {before.bracket}"
+            )
