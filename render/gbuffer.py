@@ -1,0 +1,149 @@
+"""The G-buffer: what is seen through each pixel, drawn once per scene and camera.
+
+Output : five float textures: position and hit, shading normal and roughness, face normal and f90,
+         diffuse reflectance, f0 (render/shaders/gbuffer.frag).
+Cost   : about 11 ms at 640×480 on llvmpipe.
+"""
+
+import math
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from render.gl import load_program
+from render.scene import Camera, Ground, Material, Mesh, Scene
+
+_TARGETS = (
+    "position_hit",
+    "normal_roughness",
+    "face_normal_f90",
+    "diffuse_reflectance",
+    "f0",
+)
+_SRGB8 = 0x8C41  # GL_SRGB8, which moderngl has no name for
+_GROUND_SIDES = 256
+
+
+class GBuffer:
+    """Float textures of a scene seen by a camera; (name, texture) pairs in `textures`."""
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        scene: Scene,
+        camera: Camera,
+        size_px: tuple[int, int],
+    ) -> None:
+        self._context = context
+        self.textures = tuple(
+            (name, context.texture(size_px, 4, dtype="f4")) for name in _TARGETS
+        )
+        for _, texture in self.textures:
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        near_m, far_m = _depth_range(scene, camera)
+        program = load_program(context, "gbuffer.vert", "gbuffer.frag")
+        clip = camera.world_to_clip(near_m, far_m)
+        program["world_to_clip"].write(clip.T.astype(np.float32).tobytes())
+        program["eye"].value = tuple(camera.eye)
+        depth = context.depth_renderbuffer(size_px)
+        framebuffer = context.framebuffer([texture for _, texture in self.textures], depth)
+        framebuffer.use()
+        framebuffer.clear()
+        context.enable_only(moderngl.DEPTH_TEST)
+        for mesh in (*scene.meshes, *(() if scene.ground is None else (disc(scene.ground),))):
+            _draw(context, program, mesh)
+        for item in (framebuffer, depth, program):
+            item.release()
+
+    def release(self) -> None:
+        """Free the GL objects."""
+        for _, texture in self.textures:
+            texture.release()
+
+
+def disc(ground: Ground) -> Mesh:
+    """Return the ground as a mesh: a regular polygon of 256 sides inside its circle."""
+    angle = 2 * math.pi * np.arange(_GROUND_SIDES) / _GROUND_SIDES
+    rim = np.stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)], axis=-1)
+    positions = np.concatenate([np.zeros((1, 3)), ground.radius_m * rim]) + [0, ground.y_m, 0]
+    corner = np.arange(_GROUND_SIDES)
+    faces = np.stack([np.zeros_like(corner), corner + 1, (corner + 1) % _GROUND_SIDES + 1], -1)
+    normals = np.tile([0.0, 1.0, 0.0], (len(positions), 1))
+    material = Material(ground.reflectance, roughness=1.0, specular=0.0)
+    return Mesh(
+        positions.astype(np.float32), normals.astype(np.float32), faces.astype(np.int32), material
+    )
+
+
+def _depth_range(scene: Scene, camera: Camera) -> tuple[float, float]:
+    """Near and far plane in m: 1 % of the way to the target, and the farthest point."""
+    centre, radius_m = scene.bounding_sphere()
+    far_m = float(np.linalg.norm(camera.eye - centre)) + radius_m
+    if scene.ground is not None:
+        to_middle = camera.eye - [0.0, scene.ground.y_m, 0.0]
+        far_m = max(far_m, float(np.linalg.norm(to_middle)) + scene.ground.radius_m)
+    return 0.01 * float(np.linalg.norm(camera.target - camera.eye)), 1.01 * far_m
+
+
+def _draw(context: moderngl.Context, program: moderngl.Program, mesh: Mesh) -> None:
+    material = mesh.material
+    count = len(mesh.positions)
+    coordinates = mesh.texture_coordinates
+    colour = mesh.vertex_colour
+    vertices = np.column_stack(
+        [
+            mesh.positions,
+            mesh.normals,
+            np.zeros((count, 2)) if coordinates is None else coordinates,
+            np.ones((count, 3)) if colour is None else colour,
+        ]
+    ).astype(np.float32)
+    buffer = context.buffer(vertices.tobytes())
+    indices = context.buffer(np.ascontiguousarray(mesh.faces).tobytes())
+    array = context.vertex_array(
+        program,
+        [(buffer, "3f 3f 2f 3f", "position", "normal", "texture_coordinate", "vertex_colour")],
+        index_buffer=indices,
+    )
+    program["base_colour"].value = material.base_colour
+    program["roughness"].value = material.roughness
+    program["metalness"].value = material.metalness
+    program["specular"].value = material.specular
+    textures = _textures(context, material)
+    for unit, (name, texture) in enumerate(textures.items()):
+        program[name].value = unit
+        texture.use(unit)
+    array.render()
+    for item in (*textures.values(), array, buffer, indices):
+        item.release()
+
+
+def _textures(context: moderngl.Context, material: Material) -> dict[str, moderngl.Texture]:
+    """Mipmapped textures of a material; white where it has none."""
+    white = np.full((1, 1, 3), 255, np.uint8)
+    colour = white if material.base_colour_texture is None else material.base_colour_texture
+    factors = material.roughness_metalness_texture
+    if factors is None:
+        factors = white[..., :2]
+    textures = {
+        "base_colour_texture": _texture(context, colour, internal_format=_SRGB8),
+        "roughness_metalness_texture": _texture(context, factors),
+    }
+    return textures
+
+
+def _texture(
+    context: moderngl.Context, pixels: NDArray[np.uint8], internal_format: int | None = None
+) -> moderngl.Texture:
+    height, width, channels = pixels.shape
+    texture = context.texture(
+        (width, height),
+        channels,
+        np.ascontiguousarray(pixels[::-1]).tobytes(),  # GL's row 0 is at v = 0
+        alignment=1,
+        internal_format=internal_format,
+    )
+    texture.build_mipmaps()
+    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+    return texture

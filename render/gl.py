@@ -1,0 +1,75 @@
+"""The OpenGL context, made without a window.
+
+Output : one moderngl context per process, on EGL.    Cost : 60–160 ms, up to 1 s the first time.
+Fails  : without EGL or a driver, with the line that installs both. A machine without a GPU draws
+         with Mesa's llvmpipe, which gives the same bits on every run.
+"""
+
+import importlib.resources
+
+import moderngl
+
+from capture.errors import FishlightError
+
+REMEDY = "apt-get install -y --no-install-recommends libegl1 libgl1-mesa-dri libgl1"
+
+# The second pair are the names of a system that has libopengl0 in place of libgl1.
+_LIBRARIES: tuple[dict[str, str], ...] = (
+    {},
+    {"libgl": "libOpenGL.so.0", "libegl": "libEGL.so.1"},
+)
+_SOFTWARE_NAMES = ("llvmpipe", "softpipe", "swrast")
+
+
+class GlUnavailable(FishlightError):
+    """No OpenGL 3.3 context can be made on this machine."""
+
+
+def create_context() -> moderngl.Context:
+    """Return an OpenGL 3.3 core context without a window, current in this thread.
+
+    Raises
+    ------
+    GlUnavailable
+        If EGL or a driver is missing.
+    """
+    failures = []
+    for libraries in _LIBRARIES:
+        try:
+            context = moderngl.create_context(
+                require=330, standalone=True, backend="egl", **libraries
+            )
+        except Exception as error:  # glcontext raises bare Exception
+            failures.append(str(error))
+        else:
+            context.gc_mode = "auto"
+            return context
+    raise GlUnavailable(f"OpenGL is not available ({'; '.join(failures)}). Install it: {REMEDY}")
+
+
+def is_software(context: moderngl.Context) -> bool:
+    """Whether the processor draws: slower, but bit for bit the same on every run."""
+    renderer = context.info["GL_RENDERER"].lower()
+    return any(name in renderer for name in _SOFTWARE_NAMES)
+
+
+def describe(context: moderngl.Context) -> str:
+    """Return renderer and version of the context in one line."""
+    kind = "software" if is_software(context) else "hardware"
+    return f"{context.info['GL_RENDERER']}, OpenGL {context.info['GL_VERSION']} ({kind})"
+
+
+def load_program(
+    context: moderngl.Context, vertex: str, fragment: str, **constants: int
+) -> moderngl.Program:
+    """Return the program made of two files of render/shaders.
+
+    `constants` become #defines in both, which lets the compiler unroll loops.
+    """
+    folder = importlib.resources.files("render.shaders")
+    defines = "".join(f"#define {name} {value}\n" for name, value in constants.items())
+    sources = [
+        "#version 330 core\n" + defines + (folder / name).read_text(encoding="utf-8")
+        for name in (vertex, fragment)
+    ]
+    return context.program(vertex_shader=sources[0], fragment_shader=sources[1])

@@ -1,0 +1,226 @@
+"""Pictures from lights: every light's shadow map, and their sum over what each pixel shows.
+
+Input  : a scene, a camera and LightSets.    Output : linear radiance per pixel, in the lights' scale.
+Cost   : on llvmpipe and 2 cores see tests/benchmarks; the sum over lights takes most of it.
+Fails  : only light that comes straight from the lights is there: no light from the ground or from
+         one object to another, and no second bounce inside a rough surface's facets, which a
+         metal of roughness 1 loses up to half of its reflection to. Shadows are hard; the extent
+         of a light widens its highlight, not its shadow.
+"""
+
+from types import TracebackType
+from typing import Any, Self
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.errors import InputError
+from lighting.environment import EnvironmentMap
+from lighting.light_set import LightSet
+from render.gbuffer import GBuffer
+from render.gl import load_program
+from render.scene import Camera, Scene
+from render.shadows import ShadowAtlas, texel_width, world_to_tile
+
+BATCH = 64
+"""Lights per pass over the picture."""
+
+
+def reaching_lights(
+    lights: LightSet, scene: Scene
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return direction, irradiance and angular radius of the lights that reach the scene.
+
+    Left out are lights without power, and over a ground those at or below its horizon: it is
+    opaque, and everything stands on it.
+    """
+    keep = np.any(lights.irradiance > 0, axis=1)
+    if scene.ground is not None:
+        keep &= lights.directions[:, 1] > 0
+    return lights.directions[keep], lights.irradiance[keep], lights.angular_radius_rad[keep]
+
+
+class Renderer:
+    """Draws one scene from one camera under any number of light sets.
+
+    What does not depend on the lights is drawn once; a shadow map is drawn again only when its
+    light's direction changes. Owns GL objects: use it as a context manager, from one thread.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+    scene : Scene
+    camera : Camera
+    samples_per_axis : int
+        Each pixel is the mean of its square of samples, a box filter in linear radiance.
+    """
+
+    def __init__(
+        self, context: moderngl.Context, scene: Scene, camera: Camera, samples_per_axis: int = 1
+    ) -> None:
+        if samples_per_axis < 1:
+            raise InputError(f"a pixel needs at least one sample, got {samples_per_axis} per axis")
+        self._context = context
+        self._scene = scene
+        self._camera = camera
+        self._samples_per_axis = samples_per_axis
+        width, height = (samples_per_axis * length for length in camera.size_px)
+        largest = context.info["GL_MAX_TEXTURE_SIZE"]
+        if max(width, height) > largest:
+            raise InputError(
+                f"{width}x{height} samples are more than this OpenGL draws at once "
+                f"({largest} per axis): ask for a smaller picture or fewer samples"
+            )
+        self._gbuffer = GBuffer(context, scene, camera, (width, height))
+        self._atlas = ShadowAtlas(context, *scene.casters(), *scene.bounding_sphere())
+        self._sum = context.texture((width, height), 4, dtype="f4")
+        self._framebuffer = context.framebuffer([self._sum])
+        self._lights = context.buffer(reserve=BATCH * _LIGHT_BYTES)
+        self._background_program = load_program(context, "screen.vert", "background.frag")
+        self._background = context.vertex_array(self._background_program, [])
+        self._shade_program = load_program(context, "screen.vert", "shade.frag", BATCH=BATCH)
+        self._shade = context.vertex_array(self._shade_program, [])
+        self._environment = context.texture((1, 1), 3, bytes(12), dtype="f4")
+        self._wire_up()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.release()
+
+    def render(
+        self, lights: LightSet, background: EnvironmentMap | None = None
+    ) -> NDArray[np.float32]:
+        """Return the picture under `lights`.
+
+        Parameters
+        ----------
+        lights : LightSet
+            Without lights the scene is black.
+        background : EnvironmentMap, optional
+            Seen where there is nothing else; black without it.
+
+        Returns
+        -------
+        (H, W, 4) float32
+            Linear Rec.709 radiance toward the camera, rows from the top, in the lights' scale;
+            alpha is the share of the pixel that the scene covers.
+        """
+        self._draw_background(background)
+        directions, irradiance, radius_rad = reaching_lights(lights, self._scene)
+        for first in range(0, len(directions), self._atlas.capacity):
+            part = slice(first, first + self._atlas.capacity)
+            self._atlas.draw(directions[part])
+            self._add_lights(directions[part], irradiance[part], radius_rad[part])
+        return self._read()
+
+    def release(self) -> None:
+        """Free the GL objects; the context stays."""
+        self._gbuffer.release()
+        self._atlas.release()
+        for item in (
+            self._framebuffer,
+            self._sum,
+            self._lights,
+            self._background,
+            self._background_program,
+            self._shade,
+            self._shade_program,
+            self._environment,
+        ):
+            item.release()
+
+    def _wire_up(self) -> None:
+        """Give the programs what stays the same for every picture."""
+        for unit, (name, _) in enumerate(self._gbuffer.textures):
+            self._shade_program[name].value = unit
+        self._shade_program["atlas"].value = len(self._gbuffer.textures)
+        self._shade_program["Lights"].binding = 0
+        self._shade_program["eye"].value = tuple(self._camera.eye)
+        self._background_program["position_hit"].value = 0
+        self._background_program["environment"].value = 1
+        across, up = self._camera.half_extent()
+        # Columns: what one unit of ndc.x, ndc.y and 1 adds to the direction.
+        ray = self._camera.axes() * [[across], [up], [-1.0]]
+        self._background_program["ray"].write(ray.astype(np.float32).tobytes())
+
+    def _draw_background(self, background: EnvironmentMap | None) -> None:
+        size = (1, 1) if background is None else (2 * background.height, background.height)
+        if self._environment.size != size:
+            self._environment.release()
+            self._environment = self._context.texture(size, 3, dtype="f4")
+            self._environment.repeat_x, self._environment.repeat_y = True, False
+        self._environment.write(
+            bytes(12) if background is None else np.ascontiguousarray(background.radiance)
+        )
+        self._framebuffer.use()
+        self._context.enable_only(moderngl.NOTHING)
+        self._gbuffer.textures[0][1].use(0)
+        self._environment.use(1)
+        self._background.render(moderngl.TRIANGLES, vertices=3)
+
+    def _add_lights(
+        self,
+        directions: NDArray[np.float64],
+        irradiance: NDArray[np.float64],
+        radius_rad: NDArray[np.float64],
+    ) -> None:
+        assert self._atlas.texture is not None
+        size_px = self._atlas.tile_px
+        self._shade_program["texel_m"].value = texel_width(self._atlas.radius_m, size_px)
+        self._shade_program["texel_tile"].value = 1.0 / size_px
+        rows = world_to_tile(directions, self._atlas.centre, self._atlas.radius_m, size_px)
+        packed = pack_lights(rows, directions, irradiance, radius_rad, self._atlas.tiles(len(rows)))
+        for unit, (_, texture) in enumerate(self._gbuffer.textures):
+            texture.use(unit)
+        self._atlas.texture.use(len(self._gbuffer.textures))
+        self._framebuffer.use()
+        self._context.enable_only(moderngl.BLEND)
+        self._context.blend_func = moderngl.ONE, moderngl.ONE
+        self._lights.bind_to_uniform_block(0)
+        for first in range(0, len(packed), BATCH):
+            batch = packed[first : first + BATCH]
+            self._lights.write(batch.tobytes())
+            self._shade_program["light_count"].value = len(batch)
+            self._shade.render(moderngl.TRIANGLES, vertices=3)
+
+    def _read(self) -> NDArray[np.float32]:
+        width, height = self._camera.size_px
+        n = self._samples_per_axis
+        raw = self._framebuffer.read(components=4, dtype="f4")
+        samples = np.frombuffer(raw, np.float32).reshape(height, n, width, n, 4)
+        picture = samples[:, 0, :, 0] if n == 1 else samples.mean(axis=(1, 3), dtype=np.float32)
+        return np.ascontiguousarray(picture[::-1])
+
+
+_LIGHT_BYTES = 6 * 16
+
+
+def pack_lights(
+    rows: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    irradiance: NDArray[np.float64],
+    radius_rad: NDArray[np.float64],
+    tiles: NDArray[np.float64],
+) -> NDArray[np.float32]:
+    """Return the lights as shade.frag's uniform block has them, (K, 6, 4) float32.
+
+    A light of angular radius r spreads the directions it comes from by r²/4 per axis, and half
+    vectors by a quarter of that. GGX with width α has the core of a distribution of slopes of
+    variance α²/2, so the highlight of the whole extent is that of α² + r²/8: the first order of
+    a convolution, good while r is small.
+    """
+    packed: NDArray[Any] = np.zeros((len(rows), 6, 4), np.float32)
+    packed[:, :3] = rows
+    packed[:, 3, :3] = directions
+    packed[:, 3, 3] = radius_rad**2 / 8
+    packed[:, 4, :3] = irradiance
+    packed[:, 5, :3] = tiles
+    return packed

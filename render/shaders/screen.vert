@@ -1,0 +1,8 @@
+// One triangle that covers the picture; ndc is −1 … 1 across it.
+
+out vec2 ndc;
+
+void main() {
+    ndc = vec2(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0);
+    gl_Position = vec4(ndc, 0.0, 1.0);
+}

@@ -1,0 +1,88 @@
+// Radiance toward the eye from BATCH distant lights, added to what the target holds.
+//
+// L = Σ f(l, v) E (n·l) V over the lights, f = (1 − F) ρ / π + D G F / (4 n·l n·v), with the GGX
+// distribution D, Smith's height-correlated G and Schlick's F: the BRDF of glTF 2.0, appendix B.
+
+struct Light {
+    vec4 row_u;       // world position (x, y, z, 1) → coordinate in the light's tile, 0 … 1
+    vec4 row_v;
+    vec4 row_depth;   // → depth, 0 … 1
+    vec4 direction;   // toward the light; w widens α², for the light's angular radius
+    vec4 irradiance;  // on a surface that faces the light; w unused
+    vec4 tile;        // origin of the tile in the atlas (xy), the tile's width in the atlas (z)
+};
+
+layout(std140) uniform Lights {
+    Light lights[BATCH];
+};
+
+uniform int light_count;
+uniform vec3 eye;
+uniform float texel_m;         // width of a shadow map's texel in the world
+uniform float texel_tile;      // and in the tile
+uniform sampler2DShadow atlas;
+uniform sampler2D position_hit;
+uniform sampler2D normal_roughness;
+uniform sampler2D face_normal_f90;
+uniform sampler2D diffuse_reflectance;
+uniform sampler2D f0;
+
+out vec4 radiance;
+
+const float PI = 3.14159265358979;
+const float SMALLEST_ALPHA2 = 4e-6;  // keeps D finite in float32 for a perfect mirror
+// A bilinear look-up compares texels whose centres lie up to √2 texels away. Where the plane
+// through the receiver is tilted by θ from the light, moving the receiver √2 sin θ texels off that
+// plane is what puts all of them behind it, at any θ. Without sin θ, rounding is covered too.
+const float OFFSET_TEXELS = 1.41421356;
+
+float visibility(Light light, vec3 receiver) {
+    vec4 point = vec4(receiver, 1.0);
+    vec2 tile = vec2(dot(light.row_u, point), dot(light.row_v, point));
+    // The outermost two texels of a tile are free of casters: outside is lit.
+    tile = clamp(tile, texel_tile, 1.0 - texel_tile);
+    // Beyond the map's far side is as deep as its far side.
+    float depth = clamp(dot(light.row_depth, point), 0.0, 1.0);
+    return texture(atlas, vec3(light.tile.xy + light.tile.z * tile, depth));
+}
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    vec4 position = texelFetch(position_hit, pixel, 0);
+    if (position.w == 0.0) discard;
+    vec4 shading = texelFetch(normal_roughness, pixel, 0);
+    vec4 face = texelFetch(face_normal_f90, pixel, 0);
+    vec3 rho = texelFetch(diffuse_reflectance, pixel, 0).rgb;
+    vec3 reflectance0 = texelFetch(f0, pixel, 0).rgb;
+    vec3 n = shading.xyz;
+    vec3 v = normalize(eye - position.xyz);
+    float alpha = shading.w * shading.w;
+    float n_v = max(dot(n, v), 1e-4);
+    vec3 receiver = position.xyz + OFFSET_TEXELS * texel_m * face.xyz;
+
+    vec3 sum = vec3(0.0);
+    for (int k = 0; k < light_count; k++) {
+        Light light = lights[k];
+        vec3 l = light.direction.xyz;
+        float n_l = max(dot(n, l), 0.0);
+        vec3 h = l + v;
+        h *= inversesqrt(max(dot(h, h), 1e-12));  // a light straight behind has none
+        float v_h = clamp(dot(v, h), 0.0, 1.0);
+        float n_h = dot(n, h);
+        float alpha2 = clamp(alpha * alpha + light.direction.w, SMALLEST_ALPHA2, 1.0);
+        // |n × h|² + α² (n·h)² is the usual (n·h)²(α² − 1) + 1 without its cancellation.
+        vec3 n_cross_h = cross(n, h);
+        float spread = dot(n_cross_h, n_cross_h) + alpha2 * n_h * n_h;
+        float distribution = alpha2 / (PI * spread * spread);
+        float masking = 0.5 / (n_l * sqrt(n_v * n_v * (1.0 - alpha2) + alpha2)
+                             + n_v * sqrt(n_l * n_l * (1.0 - alpha2) + alpha2));  // G / (4 n·l n·v)
+        float c = 1.0 - v_h;
+        float c2 = c * c;
+        vec3 fresnel = reflectance0 + (face.w - reflectance0) * (c2 * c2 * c);
+        vec3 brdf = (1.0 - fresnel) * rho / PI + fresnel * (distribution * masking);
+        // A light behind the face itself cannot reach it, whatever the interpolated normal says.
+        float lit = dot(face.xyz, l) > 0.0 ? n_l * visibility(light, receiver) : 0.0;
+        sum += lit * brdf * light.irradiance.rgb;
+    }
+    radiance = vec4(sum, 0.0);
+}
