@@ -206,7 +206,7 @@ class Calibration:
         return np.asarray(np.arctan2(np.hypot(x, y), z * self.model.axis_z))
 
     def _sees(
-        self, pixels: NDArray[np.float64], in_camera: NDArray[np.floating]
+        self, pixels: NDArray[np.floating], in_camera: NDArray[np.floating]
     ) -> NDArray[np.bool_]:
         x, y = pixels[..., 0], pixels[..., 1]
         width, height = self.image_size_px

@@ -79,7 +79,9 @@ def read_calibration(path: Path) -> Calibration:
             image_size_px=camera.image_size_px,
             valid_angle_rad=camera.valid_angle_rad,
             R_world_camera=rotation,
-            image_circle=circle and ImageCircle(circle.centre_px, circle.radius_px),
+            image_circle=None
+            if circle is None
+            else ImageCircle(circle.centre_px, circle.radius_px),
             vignetting=camera.vignetting,
         )
     except InputError as error:

@@ -44,9 +44,8 @@ def project_radial(
     valid = np.isfinite(directions).all(axis=-1) & directions.any(axis=-1)
     valid &= angle <= limit_angle_rad
     azimuth = np.broadcast_to([1.0, 0.0], (*angle.shape, 2)).copy()
-    np.divide(
-        directions[..., :2], sideways[..., None], out=azimuth, where=(sideways > 0)[..., None]
-    )
+    off_axis = (valid & (sideways > 0))[..., None]
+    np.divide(directions[..., :2], sideways[..., None], out=azimuth, where=off_axis)
     pixels = np.full((*angle.shape, 2), np.nan)
     radius = radius_of_angle(angle[valid])
     pixels[valid] = np.asarray(centre_px) + np.asarray(focal_px) * radius[:, None] * azimuth[valid]

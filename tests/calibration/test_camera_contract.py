@@ -1,0 +1,297 @@
+"""What every camera model keeps to, and each model's own closed form.
+
+The reach of a model is the angle from its axis to which its round trips are tested: short of the
+limit where the radius turns (orthographic, Kannala-Brandt, mirror ball), because there rounding in
+the pixel is multiplied by dθ/dr → ∞ whatever the code.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from calibration.camera import CameraModel
+from calibration.models import MODELS
+from calibration.models.equidistant import Equidistant
+from calibration.models.equirectangular import full_sphere
+from calibration.models.equisolid import Equisolid
+from calibration.models.kannala_brandt import KannalaBrandt
+from calibration.models.mirror_ball import MirrorBall
+from calibration.models.orthographic import Orthographic
+from calibration.models.stereographic import Stereographic
+from capture.errors import InputError
+
+CENTRE = (319.7, 241.2)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A model, and the angle from its axis up to which its round trips are tested."""
+
+    model: CameraModel
+    reach_rad: float
+
+
+CASES = {
+    "equidistant": Case(Equidistant(CENTRE, 150.0), np.radians(179.9)),
+    "equidistant, oblong pixels": Case(Equidistant(CENTRE, (150.0, 141.0)), np.radians(179.9)),
+    "equisolid": Case(Equisolid(CENTRE, 180.0), np.radians(179.0)),
+    "stereographic": Case(Stereographic(CENTRE, (120.0, 125.0)), np.radians(175.0)),
+    "orthographic": Case(Orthographic(CENTRE, 200.0), np.radians(89.9)),
+    "Kannala-Brandt, no terms": Case(KannalaBrandt(CENTRE, 150.0), np.radians(179.9)),
+    "Kannala-Brandt, 220° lens": Case(
+        KannalaBrandt(CENTRE, (160.0, 158.0), 0.03, -0.012, 0.003, -0.0004), np.radians(110.0)
+    ),
+    "Kannala-Brandt, turning": Case(KannalaBrandt(CENTRE, 150.0, -0.12), np.radians(94.0)),
+    "mirror ball, near": Case(MirrorBall(CENTRE, 200.0, 1.5), np.radians(138.0)),
+    "mirror ball": Case(MirrorBall(CENTRE, 200.0, 6.0), np.radians(170.0)),
+    "mirror ball, far": Case(MirrorBall(CENTRE, 200.0, 1e6), np.radians(179.0)),
+    "equirectangular": Case(full_sphere((640, 320)), np.radians(179.9)),
+}
+every_camera = pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
+
+
+def around_axis(model: CameraModel, angle: NDArray, azimuth: NDArray) -> NDArray[np.float64]:
+    """Camera-frame directions at an angle from the model's axis."""
+    sine = np.sin(angle)
+    return np.stack(
+        [sine * np.cos(azimuth), sine * np.sin(azimuth), model.axis_z * np.cos(angle)], axis=-1
+    )
+
+
+def angle_between(a: NDArray, b: NDArray) -> NDArray[np.float64]:
+    return 2 * np.arcsin(np.clip(np.linalg.norm(a - b, axis=-1) / 2, 0, 1))
+
+
+def test_every_model_is_tested() -> None:
+    assert {case.model.name for case in CASES.values()} == set(MODELS)
+    assert all(MODELS[case.model.name] is type(case.model) for case in CASES.values())
+
+
+@every_camera
+@settings(max_examples=40, deadline=None)
+@given(share=st.floats(0.0, 1.0), azimuth=st.floats(-np.pi, np.pi))
+def test_a_direction_survives_projection_and_back(case: Case, share: float, azimuth: float) -> None:
+    direction = around_axis(case.model, np.array(share * case.reach_rad), np.array(azimuth))
+    pixel, projected = case.model.project(direction)
+    returned, valid = case.model.unproject(pixel)
+    assert projected
+    assert valid
+    assert angle_between(direction, returned) < 1e-9
+
+
+@every_camera
+def test_a_pixel_survives_unprojection_and_back(case: Case) -> None:
+    angle, azimuth = np.meshgrid(
+        np.linspace(0.01, case.reach_rad, 41), np.linspace(-3.0, 3.1, 23), indexing="ij"
+    )
+    pixels, _ = case.model.project(around_axis(case.model, angle, azimuth))
+    directions, valid = case.model.unproject(pixels)
+    returned, projected = case.model.project(directions)
+    assert valid.all()
+    assert projected.all()
+    np.testing.assert_allclose(returned, pixels, atol=1e-7)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=-1), 1.0, atol=1e-14)
+
+
+@every_camera
+def test_the_axis_lands_on_the_centre(case: Case) -> None:
+    pixel, valid = case.model.project(np.array([0.0, 0.0, case.model.axis_z]))
+    assert valid
+    centre = (319.5, 159.5) if case.model.name == "equirectangular" else CENTRE
+    np.testing.assert_allclose(pixel, centre, atol=1e-12)
+
+
+@every_camera
+def test_right_in_the_picture_is_plus_x_and_down_is_plus_y(case: Case) -> None:
+    centre = case.model.project(np.array([0.0, 0.0, case.model.axis_z]))[0]
+    directions, _ = case.model.unproject(centre + 5.0 * np.eye(2))
+    assert directions[0, 0] > 0
+    assert directions[1, 1] > 0
+    np.testing.assert_allclose([directions[0, 1], directions[1, 0]], 0.0, atol=1e-15)
+
+
+@every_camera
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("shape", [(), (1,), (0,), (7, 5)])
+def test_any_leading_shape_and_float_type(case: Case, shape: tuple[int, ...], dtype: type) -> None:
+    direction = np.array([0.1, -0.2, case.model.axis_z], dtype)
+    directions = np.broadcast_to(direction, (*shape, 3))
+    pixels, valid = case.model.project(directions)
+    assert (pixels.shape, valid.shape) == ((*shape, 2), shape)
+    assert (pixels.dtype, valid.dtype) == (np.float64, np.bool_)
+    returned, valid = case.model.unproject(pixels.astype(dtype))
+    assert (returned.shape, valid.shape) == ((*shape, 3), shape)
+    assert (returned.dtype, valid.dtype) == (np.float64, np.bool_)
+    assert valid.all()
+
+
+@every_camera
+def test_the_length_of_a_direction_does_not_matter(case: Case) -> None:
+    direction = np.array([0.3, -0.2, 0.9 * case.model.axis_z])
+    expected = case.model.project(direction)[0]
+    np.testing.assert_allclose(case.model.project(direction * 1e-9)[0], expected, rtol=1e-12)
+    np.testing.assert_allclose(case.model.project(direction * 1e9)[0], expected, rtol=1e-12)
+
+
+@every_camera
+def test_what_is_no_direction_or_pixel_is_invalid(case: Case) -> None:
+    z = case.model.axis_z
+    no_directions = np.array([[np.nan, 0, z], [0, np.inf, z], [0.0, 0.0, 0.0], [0.1, 0.1, z]])
+    pixels, valid = case.model.project(no_directions)
+    np.testing.assert_array_equal(valid, [False, False, False, True])
+    np.testing.assert_array_equal(np.isnan(pixels).all(axis=-1), ~valid)
+    directions, valid = case.model.unproject(np.array([[np.nan, 2.0], [2.0, np.nan], pixels[3]]))
+    np.testing.assert_array_equal(valid, [False, False, True])
+    np.testing.assert_array_equal(np.isnan(directions).all(axis=-1), ~valid)
+
+
+LIMITED = {name: case for name, case in CASES.items() if case.model.limit_angle_rad < 3.1}
+
+
+@pytest.mark.parametrize("case", LIMITED.values(), ids=LIMITED.keys())
+def test_validity_ends_at_the_rim(case: Case) -> None:
+    limit = case.model.limit_angle_rad
+    angle = np.array([limit - 1e-6, limit + 1e-6])
+    pixels, valid = case.model.project(around_axis(case.model, angle, np.zeros(2)))
+    np.testing.assert_array_equal(valid, [True, False])
+    outward = pixels[0] + np.array([[0.0, 0.0], [0.01, 0.0]])
+    np.testing.assert_array_equal(case.model.unproject(outward)[1], [True, False])
+
+
+def test_a_fisheye_sees_past_90_degrees_outside_its_90_degree_circle() -> None:
+    for name in ("equidistant", "equisolid", "stereographic", "Kannala-Brandt, 220° lens"):
+        model = CASES[name].model
+        at_90 = model.project(np.array([1.0, 0.0, 0.0]))[0]
+        beyond = model.project(around_axis(model, np.radians(100.0), np.array(0.0)))[0]
+        assert beyond[0] > at_90[0] > CENTRE[0]
+
+
+def solid_angle_per_pixel(model: CameraModel, angle: float, step_px: float = 0.01) -> float:
+    """dω/dA at a pixel by differences; the azimuth is that of no axis of symmetry."""
+    pixel = model.project(around_axis(model, np.array(angle), np.array(0.7)))[0]
+    offsets = step_px * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
+    right, left, down, up = model.unproject(pixel + offsets)[0]
+    area = np.linalg.norm(np.cross(right - left, down - up))
+    return float(area / (2 * step_px) ** 2)
+
+
+@pytest.mark.parametrize("angle", np.radians([5.0, 40.0, 80.0, 110.0]))
+def test_the_solid_angle_of_a_pixel_has_its_closed_form(angle: float) -> None:
+    # dω/dA = sin θ / (r dr/dθ): derive with r = f θ, 2f sin(θ/2), 2f tan(θ/2), f sin θ.
+    f = 200.0
+    expected = {
+        Equidistant: np.sin(angle) / angle,
+        Equisolid: 1.0,
+        Stereographic: np.cos(angle / 2) ** 4,
+    }
+    if angle < np.pi / 2:
+        expected[Orthographic] = 1 / np.cos(angle)
+    for model_type, relative in expected.items():
+        measured = solid_angle_per_pixel(model_type(CENTRE, f), angle) * f**2
+        assert measured == pytest.approx(relative, rel=1e-6)
+
+
+def test_a_distant_mirror_ball_shows_equal_solid_angles() -> None:
+    # The orthographic limit θ = 2 asin(r/R) has dω/dA = 4/R².
+    ball = MirrorBall(CENTRE, 200.0, 1e7)
+    for angle in np.radians([10.0, 90.0, 160.0]):
+        assert solid_angle_per_pixel(ball, angle) == pytest.approx(4 / 200.0**2, rel=1e-4)
+
+
+def test_equirectangular_pixels_shrink_with_the_cosine_of_latitude() -> None:
+    model = full_sphere((640, 320))
+    cell = (np.pi / 320) ** 2
+    for y in (160.0, 250.0, 300.0):
+        latitude = (y - 159.5) * np.pi / 320
+        corners = np.array([[100.5, y], [99.5, y], [100.0, y + 0.5], [100.0, y - 0.5]])
+        right, left, down, up = model.unproject(corners)[0]
+        area = np.linalg.norm(np.cross(right - left, down - up))
+        assert area == pytest.approx(cell * np.cos(latitude), rel=1e-4)
+
+
+def test_equirectangular_seam_and_poles_are_ordinary() -> None:
+    width, height = 640, 320
+    model = full_sphere((width, height))
+    corners = np.array([[-0.5, 159.5], [width - 0.5, 159.5], [0.0, -0.5], [7.0, height - 0.5]])
+    directions, valid = model.unproject(corners)
+    assert valid.all()
+    expected = [[0, 0, -1], [0, 0, -1], [0, -1, 0], [0, 1, 0]]  # behind, behind, up, down
+    np.testing.assert_allclose(directions, expected, atol=1e-12)
+    outer = model.unproject(np.array([[0.0, 100.0], [width - 1.0, 100.0]]))[0]
+    inner = model.unproject(np.array([[300.0, 100.0], [301.0, 100.0]]))[0]
+    assert angle_between(*outer) == pytest.approx(angle_between(*inner), rel=1e-9)
+    assert not model.unproject(np.array([[-0.51, 9.0], [9.0, height - 0.49]]))[1].any()
+
+
+def test_kannala_brandt_agrees_with_opencv_where_opencv_is_right() -> None:
+    import cv2
+
+    terms = (0.03, -0.012, 0.003, -0.0004)
+    fx, fy = 160.0, 158.0
+    model = KannalaBrandt(CENTRE, (fx, fy), *terms)
+    rng = np.random.default_rng(5)
+    angle, azimuth = rng.uniform(0, np.radians(80), 200), rng.uniform(-np.pi, np.pi, 200)
+    directions = around_axis(model, angle, azimuth)
+    matrix = np.array([[fx, 0, CENTRE[0]], [0, fy, CENTRE[1]], [0, 0, 1]])
+    theirs, _ = cv2.fisheye.projectPoints(
+        directions[None], np.zeros(3), np.zeros(3), matrix, np.array(terms)
+    )
+    np.testing.assert_allclose(model.project(directions)[0], theirs[0], atol=1e-9)
+
+
+def test_kannala_brandt_ends_where_the_radius_stops_growing() -> None:
+    # dθ_d/dθ = 1 + 3 k1 θ² = 0 at θ = 1/√(−3 k1).
+    assert KannalaBrandt(CENTRE, 1.0, -0.12).limit_angle_rad == pytest.approx(0.36**-0.5)
+    assert KannalaBrandt(CENTRE, 1.0, 0.05).limit_angle_rad == np.pi
+    # A root of the slope in θ² that is negative or complex bounds nothing.
+    assert KannalaBrandt(CENTRE, 1.0, -0.1, 0.1).limit_angle_rad == np.pi
+
+
+@pytest.mark.parametrize("ratio", [1.2, 3.0, 20.0])
+def test_mirror_ball_agrees_with_ray_tracing(ratio: float) -> None:
+    """Trace a camera ray to the sphere, reflect it, and compare: nothing of the formula is used."""
+    radius_px = 150.0
+    ball = MirrorBall(CENTRE, radius_px, ratio)
+    rng = np.random.default_rng(3)
+    radius, azimuth = rng.uniform(0, 0.999, 300), rng.uniform(-np.pi, np.pi, 300)
+    offset = radius_px * radius[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
+    # Pinhole at the origin, ball of radius 1 at (0, 0, ratio): the outline is seen at
+    # tan α = 1/√(ratio² − 1), which fixes the pinhole's focal length.
+    focal_px = radius_px * np.sqrt(ratio**2 - 1)
+    ray = np.concatenate([offset, np.full((300, 1), focal_px)], axis=1)
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    along = ratio * ray[:, 2]
+    hit = ray * (along - np.sqrt(along**2 - (ratio**2 - 1)))[:, None]
+    normal = hit - [0.0, 0.0, ratio]
+    np.testing.assert_allclose(np.linalg.norm(normal, axis=1), 1.0, atol=1e-9)
+    reflected = ray - 2 * np.sum(ray * normal, axis=1, keepdims=True) * normal
+    directions, valid = ball.unproject(np.array(CENTRE) + offset)
+    assert valid.all()
+    np.testing.assert_allclose(directions, reflected, atol=1e-9)
+
+
+def test_mirror_ball_is_blind_behind_itself() -> None:
+    ball = MirrorBall(CENTRE, 100.0, 5.0)
+    blind = np.arcsin(1 / 5.0)
+    behind = around_axis(ball, np.pi - blind * np.array([0.0, 0.99, 1.01]), np.zeros(3))
+    np.testing.assert_array_equal(ball.project(behind)[1], [False, False, True])
+
+
+@pytest.mark.parametrize(
+    ("build", "named"),
+    [
+        (lambda: Equidistant((np.nan, 0.0), 1.0), "centre_px"),
+        (lambda: Equisolid(CENTRE, 0.0), "focal_px"),
+        (lambda: Stereographic(CENTRE, (1.0, -1.0)), "focal_px"),
+        (lambda: KannalaBrandt(CENTRE, 1.0, k3=np.inf), "k1"),
+        (lambda: MirrorBall(CENTRE, -1.0, 2.0), "radius_px"),
+        (lambda: MirrorBall(CENTRE, 1.0, 1.0), "distance_ratio"),
+    ],
+)
+def test_a_lens_that_cannot_be_is_refused(build, named) -> None:
+    with pytest.raises(InputError, match=named):
+        build()
