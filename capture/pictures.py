@@ -48,7 +48,7 @@ def read_picture(path: Path) -> NDArray[Any]:
     expected = (header.height_px, header.width_px, channels)
     if picture is None or picture.shape != expected or picture.dtype.itemsize * 8 != header.bits:
         raise UnreadableFrame(f"{path}: damaged {header.format}: its pixels cannot be decoded")
-    if header.has_alpha and picture[..., 3].min() < np.iinfo(picture.dtype).max:
+    if header.has_alpha and picture[..., 3].min() < 2**header.bits - 1:
         raise InputError(
             f"{path}: has transparent pixels, whose counts mean nothing; flatten the picture first"
         )

@@ -1,0 +1,117 @@
+"""What a camera wrote about a picture: exposure, moment, camera and lens.
+
+Input  : a JPEG, TIFF, PNG or RAW file.    Output : Exif, with None for what it does not tell.
+Fails  : cameras round exposure times to the engraved series (1/30 s is 1/32 s), an error of up to
+         7 % in radiance, and their clocks run free.
+"""
+
+import logging
+import math
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import exifread
+
+from capture.files import check_file
+
+# exifread reports damaged and absent tags through logging; here both are None.
+logging.getLogger("exifread").addHandler(logging.NullHandler())
+
+
+@dataclass(frozen=True)
+class Exif:
+    """A picture's metadata.
+
+    Attributes
+    ----------
+    time_s, f_number : float or None
+        Exposure time and aperture; None if absent, zero or not a number.
+    gain : float or None
+        ISO speed over 100.
+    timestamp_s : float or None
+        Moment of exposure since 1970-01-01, with the fraction of a second where the camera tells
+        it. Without a time zone in the file, the camera's clock is read as if it were UTC:
+        differences hold within one camera, the absolute time does not.
+    camera, lens : str
+        Maker and model, "" if absent.
+    orientation : int
+        How to turn the stored pixels for viewing, 1 to 8; 1 is upright.
+    """
+
+    time_s: float | None = None
+    gain: float | None = None
+    f_number: float | None = None
+    timestamp_s: float | None = None
+    camera: str = ""
+    lens: str = ""
+    orientation: int = 1
+
+
+def read_exif(path: Path) -> Exif:
+    """Return a picture's metadata; a picture without any, or with damaged ones, gives None fields.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read at all.
+    """
+    check_file(path)
+    try:
+        with path.open("rb") as file:
+            tags = exifread.process_file(file, details=False)
+    except Exception:  # the parser trusts offsets in the file, and fails in any way on damaged ones
+        return Exif()
+    iso = _positive(tags, "EXIF ISOSpeedRatings")
+    orientation = _positive(tags, "Image Orientation") or 1
+    return Exif(
+        time_s=_positive(tags, "EXIF ExposureTime"),
+        gain=None if iso is None else iso / 100,
+        f_number=_positive(tags, "EXIF FNumber"),
+        timestamp_s=_timestamp(tags),
+        camera=_camera(tags),
+        lens=_text(tags, "EXIF LensModel"),
+        orientation=int(orientation) if orientation in range(1, 9) else 1,
+    )
+
+
+def _positive(tags: dict[str, Any], name: str) -> float | None:
+    try:
+        value = float(tags[name].values[0])
+    except (KeyError, IndexError, TypeError, ValueError, ZeroDivisionError, OverflowError):
+        return None
+    return value if math.isfinite(value) and value > 0 else None
+
+
+def _text(tags: dict[str, Any], name: str) -> str:
+    values = getattr(tags.get(name), "values", "")
+    return values.strip("\0 ") if isinstance(values, str) else ""
+
+
+def _camera(tags: dict[str, Any]) -> str:
+    maker, model = _text(tags, "Image Make"), _text(tags, "Image Model")
+    return model if model.startswith(maker) else f"{maker} {model}".strip()
+
+
+def _timestamp(tags: dict[str, Any]) -> float | None:
+    for suffix, name in (("Original", "EXIF DateTimeOriginal"), ("", "Image DateTime")):
+        try:
+            moment = datetime.strptime(_text(tags, name), "%Y:%m:%d %H:%M:%S").replace(tzinfo=UTC)
+        except ValueError:
+            continue
+        return moment.timestamp() + _fraction(tags, suffix) - _utc_offset_s(tags, suffix)
+    return None
+
+
+def _fraction(tags: dict[str, Any], suffix: str) -> float:
+    digits = _text(tags, f"EXIF SubSecTime{suffix}")
+    return float(f"0.{digits}") if digits.isascii() and digits.isdigit() else 0.0
+
+
+def _utc_offset_s(tags: dict[str, Any], suffix: str) -> float:
+    try:
+        zone = datetime.strptime(_text(tags, f"EXIF OffsetTime{suffix}"), "%z").utcoffset()
+    except ValueError:
+        return 0.0
+    return zone.total_seconds() if zone else 0.0
