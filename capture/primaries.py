@@ -45,7 +45,7 @@ def to_rec709(chromaticities: ArrayLike) -> NDArray[np.float64]:
     target = rgb_to_xyz(REC709)
     source_white, target_white = (_BRADFORD @ matrix.sum(axis=1) for matrix in (source, target))
     adaptation = np.linalg.solve(_BRADFORD, (target_white / source_white)[:, None] * _BRADFORD)
-    return np.linalg.solve(target, adaptation @ source)
+    return np.asarray(np.linalg.solve(target, adaptation @ source), np.float64)
 
 
 def are_rec709(chromaticities: ArrayLike) -> bool:
