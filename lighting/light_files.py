@@ -1,0 +1,145 @@
+"""lights.json: a light set as text that other programs can read and write.
+
+One object with `schema`, `coordinate_frame`, `colour_space`, `scale`, `source`, `timestamp_s`,
+`clipped_fraction` and `lights`, each with `direction`, `irradiance` and `angular_radius_rad`, one a
+line. Only `lights` with directions and irradiances must be there, for files written by hand; what
+is there must say what fishlight means by it. Unknown keys are ignored. Numbers are written with as
+many digits as bring every bit back.
+"""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from capture.errors import InputError
+from capture.output import write_text
+from capture.radiance import RELATIVE
+from lighting.light_set import LightSet
+
+_FORMAT = "fishlight-lights"
+_MAJOR = "1"
+_COORDINATE_FRAME = (
+    "world: right-handed, +Y up, metres; directions point from the scene toward the light"
+)
+_COLOUR_SPACE = "linear Rec.709"
+_UNIT_TOLERANCE = 1e-3  # more is not rounding
+_EXACT = 1e-12  # less is what float64 leaves, and is kept bit for bit
+
+_Triple = tuple[float, float, float]
+
+
+class _Light(msgspec.Struct, frozen=True):
+    direction: _Triple
+    irradiance: _Triple
+    angular_radius_rad: Annotated[float, Meta(ge=0, le=np.pi)] = 0.0
+
+
+class _LightFile(msgspec.Struct, frozen=True, kw_only=True):
+    schema: str = f"{_FORMAT}/{_MAJOR}"
+    coordinate_frame: str = _COORDINATE_FRAME
+    colour_space: str = _COLOUR_SPACE
+    scale: str = RELATIVE
+    source: str = ""
+    timestamp_s: float = 0.0
+    clipped_fraction: Annotated[float, Meta(ge=0, le=1)] = 0.0
+    lights: tuple[_Light, ...]
+
+
+def read_lights(path: Path) -> LightSet:
+    """Return the lights of a lights.json file.
+
+    Directions that are unit vectors up to rounding (1e-3) are brought to unit length.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is not lights.json of schema 1, uses another coordinate frame
+        or colour space, or a light has a direction that is no unit vector or negative irradiance.
+    """
+    try:
+        file = msgspec.json.decode(path.read_bytes(), type=_LightFile)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from error
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} is not a lights.json file: {error}") from error
+    _check_header(path, file)
+
+    directions = np.array([light.direction for light in file.lights]).reshape(-1, 3)
+    irradiance = np.array([light.irradiance for light in file.lights]).reshape(-1, 3)
+    length = np.linalg.norm(directions, axis=1)
+    for index in np.flatnonzero(np.abs(length - 1) > _UNIT_TOLERANCE):
+        raise InputError(
+            f"{path}: the direction of light {index} must be a unit vector, "
+            f"its length is {length[index]:.6g}"
+        )
+    for index in np.flatnonzero((irradiance < 0).any(axis=1)):
+        raise InputError(
+            f"{path}: the irradiance of light {index} must not be negative, "
+            f"got {irradiance[index].tolist()}"
+        )
+    unit = np.where(np.abs(length - 1) > _EXACT, length, 1.0)
+    return LightSet(
+        directions / unit[:, None],
+        irradiance,
+        np.array([light.angular_radius_rad for light in file.lights]),
+        timestamp_s=file.timestamp_s,
+        clipped_fraction=file.clipped_fraction,
+        scale=file.scale,
+        source=file.source,
+    )
+
+
+def write_lights(path: Path, lights: LightSet, *, force: bool = False) -> None:
+    """Write `lights` to `path` as lights.json, whole or not at all.
+
+    Raises
+    ------
+    InputError
+        If the file exists and `force` is not set, or its folder does not.
+    """
+    arrays = (lights.directions, lights.irradiance, lights.angular_radius_rad)
+    file = _LightFile(
+        scale=lights.scale,
+        source=lights.source,
+        timestamp_s=lights.timestamp_s,
+        clipped_fraction=lights.clipped_fraction,
+        lights=tuple(
+            _Light(tuple(direction), tuple(irradiance), radius)
+            for direction, irradiance, radius in zip(*(a.tolist() for a in arrays), strict=True)
+        ),
+    )
+    write_text(path, _to_text(file), force=force)
+
+
+def _check_header(path: Path, file: _LightFile) -> None:
+    name, _, version = file.schema.partition("/")
+    if name != _FORMAT or version.split(".")[0] != _MAJOR:
+        raise InputError(
+            f"{path}: its schema must be {_FORMAT}/{_MAJOR}, got {file.schema!r}; "
+            "a newer fishlight may read it"
+        )
+    if not (file.coordinate_frame and _COORDINATE_FRAME.startswith(file.coordinate_frame)):
+        raise InputError(
+            f"{path}: its coordinate_frame must be {_COORDINATE_FRAME!r}, "
+            f"got {file.coordinate_frame!r}; convert the directions"
+        )
+    if file.colour_space != _COLOUR_SPACE:
+        raise InputError(
+            f"{path}: its colour_space must be {_COLOUR_SPACE!r}, "
+            f"got {file.colour_space!r}; convert the irradiances"
+        )
+
+
+def _to_text(file: _LightFile) -> str:
+    """Return JSON with one field, and one light, a line."""
+    fields = msgspec.structs.asdict(file)
+    lights = ",".join(f"\n    {_json(light)}" for light in fields.pop("lights"))
+    head = "".join(f'  "{name}": {_json(value)},\n' for name, value in fields.items())
+    return f'{{\n{head}  "lights": [{lights}\n  ]\n}}\n'
+
+
+def _json(value: Any) -> str:
+    return msgspec.json.encode(value).decode()

@@ -1,0 +1,78 @@
+"""From an environment map to the lights that stand for it, by any method.
+
+A method is a function of an environment map and a count that returns directions (K, 3), irradiance
+(K, 3) and angular radii (K,); tests/lighting/test_method_contract.py states what each keeps to.
+"""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.errors import InputError
+from lighting.environment import LUMINANCE_WEIGHTS, EnvironmentMap, luminance
+from lighting.latlong import solid_angles
+from lighting.light_set import LightSet
+from lighting.methods.inverse_cdf import inverse_cdf
+
+Array = NDArray[np.float64]
+Method = Callable[[EnvironmentMap, int], tuple[Array, Array, Array]]
+
+METHODS: Mapping[str, Method] = {"inverse-cdf": inverse_cdf}
+
+MOST_LIGHTS = 65536
+"""More lights than any renderer here draws; a larger number is a slip of the keyboard."""
+
+
+def reduce_to_lights(
+    environment: EnvironmentMap,
+    count: int,
+    method: str = "inverse-cdf",
+    *,
+    timestamp_s: float = 0.0,
+    source: str = "",
+) -> LightSet:
+    """Return `count` distant lights whose irradiances sum to the map's integral.
+
+    Parameters
+    ----------
+    environment : EnvironmentMap
+    count : int
+        Number of lights, 1 to 65536. Exactly this many are returned, or none for a map without
+        light.
+    method : str
+        A key of `METHODS`.
+    timestamp_s : float
+        Moment of the map.
+    source : str
+        What the map was made from, for people.
+
+    Raises
+    ------
+    InputError
+        If the count is out of range or the method unknown.
+    """
+    if not 1 <= count <= MOST_LIGHTS:
+        raise InputError(f"the number of lights must be 1 to {MOST_LIGHTS}, got {count}")
+    if method not in METHODS:
+        raise InputError(f"no method is called {method!r}; there are: {', '.join(METHODS)}")
+    directions, irradiance, angular_radius_rad = METHODS[method](environment, count)
+    made = f"{len(directions)} lights by {method}"
+    return LightSet(
+        directions,
+        irradiance,
+        angular_radius_rad,
+        timestamp_s=timestamp_s,
+        clipped_fraction=_clipped_fraction(environment, irradiance.sum(axis=0)),
+        scale=environment.scale,
+        source=f"{source}: {made}" if source else made,
+    )
+
+
+def _clipped_fraction(environment: EnvironmentMap, integral: Array) -> float:
+    """Return the share of the luminance of `integral` (3,) that lies in clipped cells."""
+    cells = np.flatnonzero(environment.clipped)
+    rows = cells // environment.clipped.shape[1]
+    light = luminance(environment.radiance.reshape(-1, 3)[cells])
+    clipped = float(light @ solid_angles(environment.height)[rows])
+    return min(clipped / float(integral @ LUMINANCE_WEIGHTS), 1.0) if clipped else 0.0
