@@ -25,7 +25,8 @@ def read_counts(path: Path) -> tuple[NDArray[Any], Sensor]:
     Returns
     -------
     counts : (H, W, 3) uint8, uint16 or float32
-        Float for radiance files, as stored: NaN and negative values included.
+        Float for radiance files, as stored, NaN where the file marks a pixel as not valid. Its
+        mark `clipped` is lost: a frame has no place for it.
     sensor : Sensor
         From the header of a RAW file, assumed for anything else.
 
@@ -42,10 +43,17 @@ def read_counts(path: Path) -> tuple[NDArray[Any], Sensor]:
     if suffix in PICTURE_SUFFIXES:
         counts = read_picture(path)
     elif suffix in RADIANCE_SUFFIXES:
-        counts = np.asarray(read_hdr(path).rgb, np.float32)
+        counts = _radiance(path)
     else:
         raise InputError(
             f"{path}: {path.suffix or 'no suffix'} is no format of a frame; "
             f"known are {', '.join(sorted(FRAME_SUFFIXES))}"
         )
     return counts, assumed_sensor(counts.dtype)
+
+
+def _radiance(path: Path) -> NDArray[np.float32]:
+    picture = read_hdr(path)
+    if picture.valid is None:
+        return picture.rgb
+    return np.where(picture.valid[..., None], picture.rgb, np.float32(np.nan))

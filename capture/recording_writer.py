@@ -72,7 +72,7 @@ def create_recording(
     if not folder.parent.is_dir():
         raise InputError(f"{folder.parent} is not a folder; {folder.name} cannot be made there")
     copied = None if calibration is None else _calibration_bytes(calibration)
-    replaced = _to_be_replaced(folder, force=force)
+    replaced = replaces_recording(folder, force=force)
     if replaced:
         target = Path(tempfile.mkdtemp(prefix=f".partial-{folder.name}-", dir=folder.parent))
         target.chmod(folder.stat().st_mode & 0o777)
@@ -87,6 +87,29 @@ def create_recording(
         licence=licence,
     )
     return RecordingWriter(target, folder, header, copied)
+
+
+def replaces_recording(folder: Path, *, force: bool) -> bool:
+    """Whether a recording made at `folder` replaces one; False if the place is free.
+
+    Raises
+    ------
+    InputError
+        If `folder` exists and `force` is False, or it holds anything but a recording.
+    """
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+        return False
+    if not force:
+        raise InputError(f"{folder} exists; give --force to replace it")
+    if not folder.is_dir():
+        raise InputError(f"{folder} is a file; a recording is a folder")
+    try:
+        read_manifest(folder)
+    except InputError as error:
+        raise InputError(
+            f"{folder} is left alone, only a recording is replaced; remove it yourself ({error})"
+        ) from None
+    return True
 
 
 class RecordingWriter:
@@ -236,23 +259,6 @@ class RecordingWriter:
         self._destination.rename(older)
         self.folder.rename(self._destination)
         shutil.rmtree(older)
-
-
-def _to_be_replaced(folder: Path, *, force: bool) -> bool:
-    """Whether `folder` holds a recording that may be replaced; False if it is free."""
-    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
-        return False
-    if not force:
-        raise InputError(f"{folder} exists; give --force to replace it")
-    if not folder.is_dir():
-        raise InputError(f"{folder} is a file; a recording is a folder")
-    try:
-        read_manifest(folder)
-    except InputError as error:
-        raise InputError(
-            f"{folder} is left alone, only a recording is replaced; remove it yourself ({error})"
-        ) from None
-    return True
 
 
 def _calibration_bytes(path: Path) -> bytes:

@@ -1,0 +1,232 @@
+"""Pictures, RAW files, EXR sequences and videos made into recordings.
+
+Input  : files of other programs.    Output : a recording's folder, or one Bracket in memory.
+Cost   : every file is decoded once, so that a recording never begins with a damaged one; a bracket
+         is held in memory while it is checked.
+Files keep their bytes; only the frames of a video are encoded anew, as PNG.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import chain
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from capture.camera_files import read_counts
+from capture.errors import InputError
+from capture.files import read_bytes
+from capture.frame import Bracket, Exposure, Frame
+from capture.photographs import (
+    HINT,
+    Photograph,
+    check_alike,
+    find_photographs,
+    plan_brackets,
+)
+from capture.progress import progress
+from capture.recording import Recording, open_recording
+from capture.recording_writer import RecordingWriter, create_recording, replaces_recording
+from capture.sensor import Sensor, assumed_sensor
+from capture.video import VIDEO_SUFFIXES, read_video
+
+REPEAT_TOLERANCE = 0.1
+"""Mean relative difference of the counts of two frames that are said to be one exposure twice.
+A third of a stop makes 11 % in sRGB counts; noise and JPEG, averaged in blocks, make less than 2 %.
+"""
+
+_BLOCK_PX = 16
+
+Create = Callable[[str, Sensor], RecordingWriter]
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What an import made.
+
+    Attributes
+    ----------
+    recording : Recording
+    notes : tuple of str
+        What was assumed or left out, one line each.
+    """
+
+    recording: Recording
+    notes: tuple[str, ...]
+
+
+def import_sources(
+    sources: Sequence[Path],
+    folder: Path,
+    *,
+    exposures_s: Sequence[float] | None = None,
+    calibration: Path | None = None,
+    source: str = "",
+    licence: str = "",
+    force: bool = False,
+) -> Imported:
+    """Make a recording from a video file, from photographs or from an EXR sequence.
+
+    Parameters
+    ----------
+    sources : sequence of Path
+        One video; or picture, RAW or EXR files and folders of them.
+    folder : Path
+        The recording.
+    exposures_s : sequence of float or None
+        Exposure times of one bracket, in the order of the files, instead of what EXIF tells; for
+        a video the one time of all frames.
+    calibration, source, licence, force
+        As in capture.recording_writer.create_recording.
+
+    Raises
+    ------
+    InputError
+        If the files do not make a recording; nothing is written then.
+    """
+    if not sources:
+        raise InputError("nothing to import: name photographs, a folder, a video or EXR files")
+    video = next((path for path in sources if path.suffix.lower() in VIDEO_SUFFIXES), None)
+    if video is not None and len(sources) > 1:
+        raise InputError(f"{video}: a video is imported alone")
+    replaces_recording(folder, force=force)  # refused before the work, not after
+    create = partial(
+        create_recording,
+        folder,
+        calibration=calibration,
+        source=source or _named(sources),
+        licence=licence,
+        force=force,
+    )
+    if video is None:
+        notes = _import_photographs(sources, exposures_s, create)
+    else:
+        notes = _import_video(video, exposures_s, create)
+    return Imported(open_recording(folder), notes)
+
+
+def read_photo_bracket(
+    sources: Sequence[Path], exposures_s: Sequence[float] | None = None, position: int = 0
+) -> tuple[Bracket, Sensor, tuple[str, ...]]:
+    """Return one bracket of photographs, their sensor, and what was assumed.
+
+    Raises
+    ------
+    InputError
+        If the photographs form no brackets, there is none at `position`, its frames do not fit
+        together, or a file cannot be decoded.
+    """
+    plan = plan_brackets(find_photographs(sources), exposures_s)
+    if not 0 <= position < len(plan.brackets):
+        raise InputError(
+            f"there is no bracket {position}; the photographs form {len(plan.brackets)}, from 0 on"
+        )
+    bracket, sensor = _decode(plan.brackets[position], position)
+    return bracket, sensor, plan.notes
+
+
+def _import_photographs(
+    sources: Sequence[Path], exposures_s: Sequence[float] | None, create: Create
+) -> tuple[str, ...]:
+    plan = plan_brackets(find_photographs(sources), exposures_s)
+    sensor, size_px = _check_pixels(plan.brackets)
+    with create(plan.camera, sensor) as writer:
+        for position, photographs in enumerate(progress(plan.brackets, "copying")):
+            for photograph in photographs:
+                writer.write_encoded(
+                    read_bytes(photograph.path),
+                    photograph.path.suffix,
+                    size_px,
+                    photograph.exposure,
+                    photograph.timestamp_s,
+                    position,
+                )
+    return plan.notes
+
+
+def _import_video(
+    video: Path, exposures_s: Sequence[float] | None, create: Create
+) -> tuple[str, ...]:
+    if exposures_s is not None and len(exposures_s) != 1:
+        raise InputError(
+            f"{video}: a video has one exposure time, {len(exposures_s)} were given; brackets "
+            "are imported from photographs"
+        )
+    exposure = Exposure(exposures_s[0] if exposures_s else 1.0)
+    frames = read_video(video)
+    first = next(frames)  # a file that is no video is refused before anything is made
+    with create("", assumed_sensor(first.counts.dtype)) as writer:
+        for bracket, frame in enumerate(progress(chain([first], frames), "decoding")):
+            writer.write_frame(
+                frame.counts, exposure, frame.timestamp_s, bracket, index=frame.index
+            )
+    notes = [] if exposures_s else ["a video tells no exposure time: 1 s is assumed"]
+    if lost_count := frame.index - bracket:
+        notes.append(f"frames that could not be decoded, and are left out: {lost_count}")
+    return tuple(notes)
+
+
+def _named(sources: Sequence[Path]) -> str:
+    if len(sources) == 1:
+        return sources[0].name
+    return f"{sources[0].name} to {sources[-1].name}, {len(sources)} files"
+
+
+def _check_pixels(
+    brackets: Sequence[Sequence[Photograph]],
+) -> tuple[Sensor, tuple[int, int]]:
+    """Decode every photograph; return the sensor and (width, height) that all share."""
+    firsts: dict[Path, str] = {}
+    sensor, size_px = None, (0, 0)
+    for position, photographs in enumerate(progress(brackets, "checking")):
+        bracket, bracket_sensor = _decode(photographs, position)
+        firsts[photographs[0].path] = _kind(bracket.frames[0])
+        check_alike("size", list(firsts), list(firsts.values()))
+        sensor, size_px = sensor or bracket_sensor, bracket.frames[0].size_px
+    assert sensor is not None
+    return sensor, size_px
+
+
+def _decode(photographs: Sequence[Photograph], position: int) -> tuple[Bracket, Sensor]:
+    """Return one bracket and its sensor, after its frames were found to fit together."""
+    frames, sensors = [], []
+    for index, photograph in enumerate(photographs):
+        counts, sensor = read_counts(photograph.path)
+        frames.append(Frame(counts, photograph.exposure, photograph.timestamp_s, index))
+        sensors.append(sensor)
+    paths = [photograph.path for photograph in photographs]
+    check_alike("size", paths, [_kind(frame) for frame in frames])
+    _check_repeats(frames, paths)
+    return Bracket(tuple(frames), position), sensors[0]
+
+
+def _check_repeats(frames: Sequence[Frame], paths: Sequence[Path]) -> None:
+    """Raise InputError if two frames have the same exposure but not the same brightness."""
+    seen: dict[Exposure, tuple[Frame, Path]] = {}
+    for frame, path in zip(frames, paths, strict=True):
+        other, other_path = seen.setdefault(frame.exposure, (frame, path))
+        difference = 0.0 if other is frame else _relative_difference(frame, other)
+        if difference > REPEAT_TOLERANCE:
+            raise InputError(
+                f"{other_path.name} and {path.name} have the same exposure "
+                f"({frame.exposure.time_s:g} s) but differ by {difference:.0%}: an exposure is "
+                f"wrong, or they are of two brackets; {HINT}"
+            )
+
+
+def _relative_difference(frame: Frame, other: Frame) -> float:
+    width_px, height_px = frame.size_px
+    blocks = (max(width_px // _BLOCK_PX, 1), max(height_px // _BLOCK_PX, 1))
+    first, second = (
+        cv2.resize(each.counts, blocks, interpolation=cv2.INTER_AREA).astype(np.float64)
+        for each in (frame, other)
+    )
+    mean = (first + second).mean() / 2
+    return float(np.abs(first - second).mean() / mean) if mean > 0 else 0.0
+
+
+def _kind(frame: Frame) -> str:
+    width_px, height_px = frame.size_px
+    return f"{width_px} x {height_px} {frame.counts.dtype}"
