@@ -9,6 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from render.casters import gather_casters
 from render.scene import Camera, Ground, Material, Mesh, Scene
 
 GROUND_REFLECTANCE = (0.5, 0.5, 0.5)
@@ -71,7 +72,8 @@ def frame_meshes(
     distance from which the sphere fills the picture. Nothing is moved or scaled.
     """
     lowest = min(float(mesh.positions[:, 1].min()) for mesh in meshes)
-    centre, radius_m = Scene(meshes, None).bounding_sphere()
+    casters = gather_casters(meshes)
+    centre, radius_m = casters.centre, casters.radius_m
     scene = Scene(meshes, Ground(lowest, GROUND_REFLECTANCE, GROUND_EXTENT * radius_m))
     view = _direction(azimuth_rad=math.radians(20), elevation_rad=math.radians(20))
     fov_rad = math.radians(35)

@@ -11,7 +11,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from render.gl import load_program
+from render.gl import load_program, release, set_uniforms
 from render.scene import Camera, Ground, Material, Mesh, Scene
 
 _TARGETS = (
@@ -36,37 +36,37 @@ class GBuffer:
         size_px: tuple[int, int],
     ) -> None:
         self._context = context
-        self.textures = tuple(
-            (name, context.texture(size_px, 4, dtype="f4")) for name in _TARGETS
-        )
+        self.textures = tuple((name, context.texture(size_px, 4, dtype="f4")) for name in _TARGETS)
         for _, texture in self.textures:
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         near_m, far_m = _depth_range(scene, camera)
         program = load_program(context, "gbuffer.vert", "gbuffer.frag")
         clip = camera.world_to_clip(near_m, far_m)
-        program["world_to_clip"].write(clip.T.astype(np.float32).tobytes())
-        program["eye"].value = tuple(camera.eye)
+        set_uniforms(program, world_to_clip=clip.T, eye=camera.eye)
         depth = context.depth_renderbuffer(size_px)
         framebuffer = context.framebuffer([texture for _, texture in self.textures], depth)
         framebuffer.use()
         framebuffer.clear()
         context.enable_only(moderngl.DEPTH_TEST)
-        for mesh in (*scene.meshes, *(() if scene.ground is None else (disc(scene.ground),))):
+        for mesh in _all_meshes(scene):
             _draw(context, program, mesh)
-        for item in (framebuffer, depth, program):
-            item.release()
+        release(context, framebuffer, depth, program)
 
     def release(self) -> None:
         """Free the GL objects."""
-        for _, texture in self.textures:
-            texture.release()
+        release(self._context, *(texture for _, texture in self.textures))
+
+
+def _all_meshes(scene: Scene) -> tuple[Mesh, ...]:
+    return scene.meshes if scene.ground is None else (*scene.meshes, disc(scene.ground))
 
 
 def disc(ground: Ground) -> Mesh:
     """Return the ground as a mesh: a regular polygon of 256 sides inside its circle."""
     angle = 2 * math.pi * np.arange(_GROUND_SIDES) / _GROUND_SIDES
     rim = np.stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)], axis=-1)
-    positions = np.concatenate([np.zeros((1, 3)), ground.radius_m * rim]) + [0, ground.y_m, 0]
+    positions = ground.radius_m * np.vstack([np.zeros(3), rim])
+    positions[:, 1] = ground.y_m
     corner = np.arange(_GROUND_SIDES)
     faces = np.stack([np.zeros_like(corner), corner + 1, (corner + 1) % _GROUND_SIDES + 1], -1)
     normals = np.tile([0.0, 1.0, 0.0], (len(positions), 1))
@@ -78,11 +78,8 @@ def disc(ground: Ground) -> Mesh:
 
 def _depth_range(scene: Scene, camera: Camera) -> tuple[float, float]:
     """Near and far plane in m: 1 % of the way to the target, and the farthest point."""
-    centre, radius_m = scene.bounding_sphere()
-    far_m = float(np.linalg.norm(camera.eye - centre)) + radius_m
-    if scene.ground is not None:
-        to_middle = camera.eye - [0.0, scene.ground.y_m, 0.0]
-        far_m = max(far_m, float(np.linalg.norm(to_middle)) + scene.ground.radius_m)
+    points = np.concatenate([mesh.positions for mesh in _all_meshes(scene)])
+    far_m = float(np.linalg.norm(points - camera.eye, axis=1).max())
     return 0.01 * float(np.linalg.norm(camera.target - camera.eye)), 1.01 * far_m
 
 
@@ -106,17 +103,23 @@ def _draw(context: moderngl.Context, program: moderngl.Program, mesh: Mesh) -> N
         [(buffer, "3f 3f 2f 3f", "position", "normal", "texture_coordinate", "vertex_colour")],
         index_buffer=indices,
     )
-    program["base_colour"].value = material.base_colour
-    program["roughness"].value = material.roughness
-    program["metalness"].value = material.metalness
-    program["specular"].value = material.specular
+    set_uniforms(
+        program,
+        base_colour=material.base_colour,
+        roughness=material.roughness,
+        metalness=material.metalness,
+        specular=material.specular,
+    )
     textures = _textures(context, material)
     for unit, (name, texture) in enumerate(textures.items()):
-        program[name].value = unit
+        set_uniforms(program, **{name: unit})
         texture.use(unit)
     array.render()
-    for item in (*textures.values(), array, buffer, indices):
-        item.release()
+    for texture in textures.values():
+        texture.release()
+    array.release()
+    buffer.release()
+    indices.release()
 
 
 def _textures(context: moderngl.Context, material: Material) -> dict[str, moderngl.Texture]:
@@ -126,11 +129,10 @@ def _textures(context: moderngl.Context, material: Material) -> dict[str, modern
     factors = material.roughness_metalness_texture
     if factors is None:
         factors = white[..., :2]
-    textures = {
+    return {
         "base_colour_texture": _texture(context, colour, internal_format=_SRGB8),
         "roughness_metalness_texture": _texture(context, factors),
     }
-    return textures
 
 
 def _texture(

@@ -6,17 +6,19 @@ Fails  : without EGL or a driver, with the line that installs both. A machine wi
 """
 
 import importlib.resources
+from typing import Any
 
 import moderngl
+import numpy as np
 
 from capture.errors import FishlightError
 
 REMEDY = "apt-get install -y --no-install-recommends libegl1 libgl1-mesa-dri libgl1"
 
 # The second pair are the names of a system that has libopengl0 in place of libgl1.
-_LIBRARIES: tuple[dict[str, str], ...] = (
-    {},
-    {"libgl": "libOpenGL.so.0", "libegl": "libEGL.so.1"},
+_SETTINGS: tuple[dict[str, Any], ...] = (
+    {"backend": "egl"},
+    {"backend": "egl", "libgl": "libOpenGL.so.0", "libegl": "libEGL.so.1"},
 )
 _SOFTWARE_NAMES = ("llvmpipe", "softpipe", "swrast")
 
@@ -34,11 +36,9 @@ def create_context() -> moderngl.Context:
         If EGL or a driver is missing.
     """
     failures = []
-    for libraries in _LIBRARIES:
+    for settings in _SETTINGS:
         try:
-            context = moderngl.create_context(
-                require=330, standalone=True, backend="egl", **libraries
-            )
+            context = moderngl.create_context(require=330, standalone=True, **settings)
         except Exception as error:  # glcontext raises bare Exception
             failures.append(str(error))
         else:
@@ -59,6 +59,18 @@ def describe(context: moderngl.Context) -> str:
     return f"{context.info['GL_RENDERER']}, OpenGL {context.info['GL_VERSION']} ({kind})"
 
 
+def release(context: moderngl.Context, *items: Any) -> None:
+    """Free GL objects; None is passed over.
+
+    No framebuffer stays bound: moderngl binds the previous one again after making another, which
+    fails if it is gone.
+    """
+    context.detect_framebuffer(0).use()
+    for item in items:
+        if item is not None:
+            item.release()
+
+
 def load_program(
     context: moderngl.Context, vertex: str, fragment: str, **constants: int
 ) -> moderngl.Program:
@@ -73,3 +85,17 @@ def load_program(
         for name in (vertex, fragment)
     ]
     return context.program(vertex_shader=sources[0], fragment_shader=sources[1])
+
+
+def set_uniforms(program: moderngl.Program, **values: Any) -> None:
+    """Set uniforms by name; arrays are sent as float32 in the order of their memory.
+
+    A matrix (n, n) is thus given by its columns: `M.T` where the shader multiplies M with a column
+    vector.
+    """
+    for name, value in values.items():
+        uniform: Any = program[name]
+        if isinstance(value, np.ndarray):
+            uniform.write(value.astype(np.float32).tobytes())
+        else:
+            uniform.value = value

@@ -1,6 +1,6 @@
 """Pictures from lights: every light's shadow map, and their sum over what each pixel shows.
 
-Input  : a scene, a camera and LightSets.    Output : linear radiance per pixel, in the lights' scale.
+Input  : a scene, a camera and LightSets.    Output : linear radiance, in the lights' scale.
 Cost   : on llvmpipe and 2 cores see tests/benchmarks; the sum over lights takes most of it.
 Fails  : only light that comes straight from the lights is there: no light from the ground or from
          one object to another, and no second bounce inside a rough surface's facets, which a
@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from capture.errors import InputError
 from lighting.environment import EnvironmentMap
 from lighting.light_set import LightSet
+from render.casters import gather_casters
 from render.gbuffer import GBuffer
-from render.gl import load_program
+from render.gl import load_program, release, set_uniforms
 from render.scene import Camera, Scene
 from render.shadows import ShadowAtlas, texel_width, world_to_tile
 
@@ -73,7 +74,7 @@ class Renderer:
                 f"({largest} per axis): ask for a smaller picture or fewer samples"
             )
         self._gbuffer = GBuffer(context, scene, camera, (width, height))
-        self._atlas = ShadowAtlas(context, *scene.casters(), *scene.bounding_sphere())
+        self._atlas = ShadowAtlas(context, gather_casters(scene.meshes))
         self._sum = context.texture((width, height), 4, dtype="f4")
         self._framebuffer = context.framebuffer([self._sum])
         self._lights = context.buffer(reserve=BATCH * _LIGHT_BYTES)
@@ -125,7 +126,8 @@ class Renderer:
         """Free the GL objects; the context stays."""
         self._gbuffer.release()
         self._atlas.release()
-        for item in (
+        release(
+            self._context,
             self._framebuffer,
             self._sum,
             self._lights,
@@ -134,22 +136,18 @@ class Renderer:
             self._shade,
             self._shade_program,
             self._environment,
-        ):
-            item.release()
+        )
 
     def _wire_up(self) -> None:
         """Give the programs what stays the same for every picture."""
-        for unit, (name, _) in enumerate(self._gbuffer.textures):
-            self._shade_program[name].value = unit
-        self._shade_program["atlas"].value = len(self._gbuffer.textures)
-        self._shade_program["Lights"].binding = 0
-        self._shade_program["eye"].value = tuple(self._camera.eye)
-        self._background_program["position_hit"].value = 0
-        self._background_program["environment"].value = 1
+        units = {name: unit for unit, (name, _) in enumerate(self._gbuffer.textures)}
+        set_uniforms(self._shade_program, atlas=len(units), eye=self._camera.eye, **units)
+        lights: Any = self._shade_program["Lights"]
+        lights.binding = 0
         across, up = self._camera.half_extent()
-        # Columns: what one unit of ndc.x, ndc.y and 1 adds to the direction.
-        ray = self._camera.axes() * [[across], [up], [-1.0]]
-        self._background_program["ray"].write(ray.astype(np.float32).tobytes())
+        # What one unit of ndc.x, of ndc.y and of 1 adds to the direction.
+        columns = self._camera.axes() * [[across], [up], [-1.0]]
+        set_uniforms(self._background_program, position_hit=0, environment=1, ray=columns)
 
     def _draw_background(self, background: EnvironmentMap | None) -> None:
         size = (1, 1) if background is None else (2 * background.height, background.height)
@@ -174,8 +172,11 @@ class Renderer:
     ) -> None:
         assert self._atlas.texture is not None
         size_px = self._atlas.tile_px
-        self._shade_program["texel_m"].value = texel_width(self._atlas.radius_m, size_px)
-        self._shade_program["texel_tile"].value = 1.0 / size_px
+        set_uniforms(
+            self._shade_program,
+            texel_m=texel_width(self._atlas.radius_m, size_px),
+            texel_tile=1.0 / size_px,
+        )
         rows = world_to_tile(directions, self._atlas.centre, self._atlas.radius_m, size_px)
         packed = pack_lights(rows, directions, irradiance, radius_rad, self._atlas.tiles(len(rows)))
         for unit, (_, texture) in enumerate(self._gbuffer.textures):
@@ -188,7 +189,7 @@ class Renderer:
         for first in range(0, len(packed), BATCH):
             batch = packed[first : first + BATCH]
             self._lights.write(batch.tobytes())
-            self._shade_program["light_count"].value = len(batch)
+            set_uniforms(self._shade_program, light_count=len(batch))
             self._shade.render(moderngl.TRIANGLES, vertices=3)
 
     def _read(self) -> NDArray[np.float32]:

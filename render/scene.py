@@ -203,35 +203,6 @@ class Scene:
         if not self.meshes and self.ground is None:
             raise InputError("a scene needs a mesh or a ground")
 
-    def casters(self) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-        """Positions (V, 3) and faces (F, 3) of all meshes in one list.
-
-        Equal positions are merged and triangles with two equal corners left out: maps of depth
-        cost time per vertex and per triangle.
-        """
-        if not self.meshes:
-            return np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)
-        offsets = np.cumsum([0, *(len(mesh.positions) for mesh in self.meshes[:-1])])
-        faces = np.concatenate(
-            [mesh.faces + offset for mesh, offset in zip(self.meshes, offsets, strict=True)]
-        )
-        positions = np.concatenate([mesh.positions for mesh in self.meshes])
-        merged, index = np.unique(positions, axis=0, return_inverse=True)
-        faces = index.reshape(-1)[faces].astype(np.int32)
-        a, b, c = faces.T
-        return merged, faces[(a != b) & (b != c) & (c != a)]
-
-    def bounding_sphere(self) -> tuple[NDArray[np.float64], float]:
-        """Centre (3,) and radius of a sphere around the meshes, in m; (0, 0) if there are none.
-
-        Around the middle of the bounding box, and so at most √3 times as wide as the smallest one.
-        """
-        if not self.meshes:
-            return np.zeros(3), 0.0
-        positions = np.concatenate([mesh.positions for mesh in self.meshes]).astype(np.float64)
-        centre = 0.5 * (positions.min(axis=0) + positions.max(axis=0))
-        return centre, float(np.linalg.norm(positions - centre, axis=1).max())
-
 
 def _unit(vector: ArrayLike) -> NDArray[np.float64]:
     vector = np.asarray(vector, np.float64)

@@ -15,7 +15,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from render.gl import load_program
+from render.casters import Casters
+from render.gl import load_program, release, set_uniforms
 
 ATLAS_SIDE_PX = 4096
 LARGEST_TILE_PX = 512
@@ -54,14 +55,14 @@ def world_to_tile(
         Rows u, v and depth, for (x, y, z, 1); the sphere lies in [0, 1], with the border free.
     """
     x, y, z = directions.T
-    # Duff et al., "Building an Orthonormal Basis, Revisited" (JCGT 6(1), 2017), with +Y as the pole:
-    # continuous over the upper hemisphere, so that a moving light's texels do not spin.
+    # Duff et al., "Building an Orthonormal Basis, Revisited" (JCGT 6(1), 2017), with +Y as the
+    # pole: continuous over the upper hemisphere, so that a moving light's texels do not spin.
     sign = np.copysign(1.0, y)
     a = -1.0 / (sign + y)
     b = z * x * a
-    right = np.stack([b, -x, sign + x * x * a], axis=-1)
-    up = np.stack([1.0 + sign * z * z * a, -sign * z, sign * b], axis=-1)
-    axes = np.stack([up, right, -directions], axis=1)
+    across = np.stack([sign + x * x * a, -x, b], axis=-1)
+    along = np.stack([sign * b, -sign * z, 1.0 + sign * z * z * a], axis=-1)
+    axes = np.stack([across, along, -directions], axis=1)
     scale = 0.5 / (radius_m * size_px / (size_px - 2 * _BORDER_TEXELS))
     rows = np.empty((len(directions), 3, 4))
     rows[..., :3] = scale * axes
@@ -80,26 +81,15 @@ class ShadowAtlas:
     Owns GL objects; the context that made them must be current.
     """
 
-    def __init__(
-        self,
-        context: moderngl.Context,
-        positions: NDArray[np.float32],
-        faces: NDArray[np.int32],
-        centre: NDArray[np.float64],
-        radius_m: float,
-    ) -> None:
-        self.centre = centre
+    def __init__(self, context: moderngl.Context, casters: Casters) -> None:
+        self.centre = casters.centre
         # Without casters any positive size will do.
-        self.radius_m = radius_m or 1.0
+        self.radius_m = casters.radius_m or 1.0
         self._context = context
         self._program = load_program(context, "depth.vert", "depth.frag")
-        self._casters = None
-        if len(faces):
-            self._casters = context.vertex_array(
-                self._program,
-                [(context.buffer(positions.tobytes()), "3f", "position")],
-                index_buffer=context.buffer(np.ascontiguousarray(faces, np.int32).tobytes()),
-            )
+        self._positions = context.buffer(casters.positions.tobytes() or bytes(4))
+        self._closed = self._vertex_array(casters.closed_faces)
+        self._open = self._vertex_array(casters.open_faces)
         self.side_px = min(ATLAS_SIDE_PX, context.info["GL_MAX_TEXTURE_SIZE"])
         self.texture: moderngl.Texture | None = None
         self._framebuffer: moderngl.Framebuffer | None = None
@@ -120,14 +110,18 @@ class ShadowAtlas:
         origins = self._tile_origins(len(directions))[changed]
         self._framebuffer.use()
         self._context.enable_only(moderngl.DEPTH_TEST)
-        for (x, y), light_rows in zip(origins, rows.astype(np.float32), strict=True):
+        for (x, y), light_rows in zip(origins, rows, strict=True):
             viewport = (int(x), int(y), self.tile_px, self.tile_px)
             self._framebuffer.viewport = viewport
             self._framebuffer.clear(depth=1.0, viewport=viewport)
-            for name, row in zip(("row_u", "row_v", "row_depth"), light_rows, strict=True):
-                self._program[name].write(row.tobytes())
-            if self._casters is not None:
-                self._casters.render()
+            row_u, row_v, row_depth = light_rows
+            set_uniforms(self._program, row_u=row_u, row_v=row_v, row_depth=row_depth)
+            if self._closed is not None:
+                self._context.enable(moderngl.CULL_FACE)
+                self._closed.render()
+            if self._open is not None:
+                self._context.disable(moderngl.CULL_FACE)
+                self._open.render()
         self._drawn[changed] = directions[changed]
         return len(changed)
 
@@ -140,9 +134,24 @@ class ShadowAtlas:
 
     def release(self) -> None:
         """Free the GL objects."""
-        for item in (self._framebuffer, self.texture, self._casters, self._program):
-            if item is not None:
-                item.release()
+        release(
+            self._context,
+            self._framebuffer,
+            self.texture,
+            self._closed,
+            self._open,
+            self._positions,
+            self._program,
+        )
+
+    def _vertex_array(self, faces: NDArray[np.int32]) -> moderngl.VertexArray | None:
+        if len(faces) == 0:
+            return None
+        return self._context.vertex_array(
+            self._program,
+            [(self._positions, "3f", "position")],
+            index_buffer=self._context.buffer(faces.tobytes()),
+        )
 
     def _tile_origins(self, count: int) -> NDArray[np.intp]:
         assert self.texture is not None
@@ -156,9 +165,7 @@ class ShadowAtlas:
         side_px = max(columns, 1) * tile_px
         if self.texture is not None and self.texture.width >= side_px and tile_px == self.tile_px:
             return
-        if self.texture is not None and self._framebuffer is not None:
-            self._framebuffer.release()
-            self.texture.release()
+        release(self._context, self._framebuffer, self.texture)
         self.tile_px = tile_px
         self.texture = self._context.depth_texture((side_px, side_px))
         self.texture.compare_func = "<="

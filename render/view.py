@@ -1,0 +1,57 @@
+"""From radiance to what a display shows: exposure, a shoulder for highlights, the sRGB curve.
+
+Only pictures for people go through this; files of radiance do not.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.environment import luminance
+
+MIDDLE_GREY = 0.18
+SHOULDER = 0.8
+"""Linear value up to which the view is exact."""
+
+
+def to_display(radiance: NDArray[np.floating], exposure_ev: float) -> NDArray[np.uint8]:
+    """Return the picture of linear radiance as sRGB-coded 8-bit values.
+
+    Parameters
+    ----------
+    radiance : (H, W, 3 or 4) float
+        Linear Rec.709, at least 0; alpha, if there is one, is ignored.
+    exposure_ev : float
+        The radiance is multiplied by 2^exposure_ev.
+
+    Returns
+    -------
+    (H, W, 3) uint8
+        The coded value is exact up to 0.8 linear. Above, each channel by itself follows a hyperbola
+        of the same slope that approaches 1, so that highlights keep their shading and turn white.
+    """
+    exposed = radiance[..., :3].astype(np.float32) * np.float32(2.0**exposure_ev)
+    excess = np.maximum(exposed - SHOULDER, 0) / (1 - SHOULDER)
+    # 1 − 1/(1 + x) is x/(1 + x) without its ∞/∞.
+    rolled = np.minimum(exposed, SHOULDER) + (1 - SHOULDER) * (1 - 1 / (1 + excess))
+    return np.rint(255 * srgb_encode(rolled)).astype(np.uint8)
+
+
+def auto_exposure_ev(radiance: NDArray[np.floating]) -> float:
+    """Return the exposure that puts the log-mean luminance of the scene at middle grey, 0.18.
+
+    Parameters
+    ----------
+    radiance : (H, W, 4) float
+        A rendered picture; only pixels that the scene covers wholly count, and of these the lit
+        ones. 0 without any.
+    """
+    lit = luminance(radiance[..., :3][radiance[..., 3] == 1])
+    lit = lit[lit > 0]
+    if len(lit) == 0:
+        return 0.0
+    return float(np.log2(MIDDLE_GREY) - np.log2(lit).mean())
+
+
+def srgb_encode(linear: NDArray[np.floating]) -> NDArray[np.floating]:
+    """sRGB-coded value of linear values in [0, 1] (IEC 61966-2-1), in their own precision."""
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
