@@ -96,13 +96,16 @@ def write_calibration(path: Path, calibration: Calibration, *, force: bool = Tru
         "image_size_px": calibration.image_size_px,
         **asdict(calibration.model),
         "valid_angle_rad": calibration.valid_angle_rad,
-        "R_world_camera": calibration.R_world_camera.tolist(),
+        "R_world_camera": calibration.R_world_camera,
     }
     if circle is not None:
         content["image_circle"] = asdict(circle)
     if calibration.vignetting:
         content["vignetting"] = calibration.vignetting
-    lines = [f'  "{key}": {msgspec.json.encode(value).decode()}' for key, value in content.items()]
+    lines = [
+        f'  "{key}": {msgspec.json.encode(value, enc_hook=_plain).decode()}'
+        for key, value in content.items()
+    ]
     write_text(path, "{\n" + ",\n".join(lines) + "\n}\n", force=force)
 
 
@@ -122,3 +125,8 @@ def _convert(path: Path, values: dict[str, Any], wanted: type[Any]) -> Any:
         return msgspec.convert(values, wanted)
     except msgspec.ValidationError as error:
         raise InputError(f"{path}: {error}") from None
+
+
+def _plain(value: Any) -> Any:
+    """Return a numpy number or array as what JSON knows."""
+    return value.tolist()

@@ -134,6 +134,13 @@ def test_a_missing_file_or_a_folder_is_named(tmp_path: Path) -> None:
             read_calibration(path)
 
 
+def test_numbers_that_numpy_computed_are_written(tmp_path: Path) -> None:
+    path = tmp_path / "cal.json"
+    model = Equidistant((np.float64(1.5), np.float32(2.5)), np.float64(150.0))
+    write_calibration(path, Calibration(model, (4, 6), np.radians(90.0)))
+    assert read_calibration(path).model == Equidistant((1.5, 2.5), 150.0)
+
+
 def test_an_existing_file_is_kept_unless_forced(tmp_path: Path) -> None:
     path = written(tmp_path, DATA_SHEET)
     calibration = read_calibration(path)
