@@ -46,6 +46,8 @@ def develop(path: str, max_pixels: int) -> tuple[dict[str, Any], NDArray[np.uint
             output_bps=16,
             user_flip=0,
         )
+    if counts.shape[2] == 1:  # a sensor without a colour filter
+        counts = np.repeat(counts, 3, axis=2)
     return {"black_dn": black, "white_dn": white}, np.ascontiguousarray(counts, np.uint16)
 
 
