@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from capture.errors import InputError
 from capture.pictures import PICTURE_SUFFIXES, read_picture
-from capture.radiance_files import read_hdr
+from capture.radiance_files import HDR_SUFFIXES, read_hdr
 from capture.raw import RAW_SUFFIXES, read_raw
 from capture.sensor import Sensor, assumed_sensor
 
-RADIANCE_SUFFIXES = frozenset((".exr", ".hdr"))
-FRAME_SUFFIXES = PICTURE_SUFFIXES | RAW_SUFFIXES | RADIANCE_SUFFIXES
+FRAME_SUFFIXES = PICTURE_SUFFIXES | RAW_SUFFIXES | HDR_SUFFIXES
 
 
 def read_counts(path: Path) -> tuple[NDArray[Any], Sensor]:
@@ -42,7 +41,7 @@ def read_counts(path: Path) -> tuple[NDArray[Any], Sensor]:
         return read_raw(path)
     if suffix in PICTURE_SUFFIXES:
         counts = read_picture(path)
-    elif suffix in RADIANCE_SUFFIXES:
+    elif suffix in HDR_SUFFIXES:
         counts = _radiance(path)
     else:
         raise InputError(

@@ -162,10 +162,10 @@ def sensor_of(record: SensorRecord) -> Sensor:
 
 
 def check_relative(name: str) -> None:
-    """Raise InputError unless `name` is a relative path that never climbs."""
+    """Raise InputError unless `name` is a relative path that never climbs, in printable text."""
     path = PurePosixPath(name)
     climbs = path.is_absolute() or ".." in path.parts or "\\" in name
-    if climbs or not path.parts or "\0" in name:
+    if climbs or not path.parts or not name.isprintable():
         raise InputError(f"the path {name!r} must be relative and stay inside the recording")
 
 

@@ -12,12 +12,13 @@ from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from capture.camera_files import FRAME_SUFFIXES, RADIANCE_SUFFIXES
+from capture.camera_files import FRAME_SUFFIXES
 from capture.errors import InputError
 from capture.exif import Exif, read_exif
 from capture.files import check_file
 from capture.frame import Exposure
 from capture.pictures import PICTURE_SUFFIXES
+from capture.radiance_files import HDR_SUFFIXES
 from capture.raw import RAW_SUFFIXES
 
 HINT = "give the times of one bracket in seconds: --exposures 0.001,0.01,…"
@@ -76,7 +77,7 @@ def find_photographs(sources: Sequence[Path]) -> list[Path]:
             paths.append(source)
     if not paths:
         raise InputError(f"{', '.join(map(str, sources))}: no picture, RAW or EXR file to be found")
-    for kind in (PICTURE_SUFFIXES, RAW_SUFFIXES, RADIANCE_SUFFIXES):
+    for kind in (PICTURE_SUFFIXES, RAW_SUFFIXES, HDR_SUFFIXES):
         others = [path for path in paths if path.suffix.lower() not in kind]
         if 0 < len(others) < len(paths):
             same = next(path for path in paths if path.suffix.lower() in kind)
@@ -100,7 +101,7 @@ def plan_brackets(paths: Sequence[Path], exposures_s: Sequence[float] | None = N
         If an exposure is missing or not positive, a bracket is incomplete, or the files are of
         several cameras or orientations.
     """
-    if paths[0].suffix.lower() in RADIANCE_SUFFIXES:
+    if paths[0].suffix.lower() in HDR_SUFFIXES:
         if exposures_s is not None:
             raise InputError(f"{paths[0]} holds radiance, which has no exposure: no --exposures")
         return _plan(paths, [Exposure(1.0)] * len(paths), [None] * len(paths), 1, "")
