@@ -157,6 +157,8 @@ def _is_complete(data: bytes, *, tiled: bool) -> bool:
             return False
         first, last = min(first, offset), max(last, offset)
         entry += 8
+    if last == 0:
+        return False
     coordinates = 16 if tiled else 4
     (size,) = struct.unpack_from("<I", data, last + coordinates)
     return last + coordinates + 4 + int(size) <= len(data)
