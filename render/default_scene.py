@@ -13,8 +13,8 @@ from render.casters import gather_casters
 from render.scene import Camera, Ground, Material, Mesh, Scene
 
 GROUND_REFLECTANCE = (0.5, 0.5, 0.5)
-GROUND_EXTENT = 30.0
-"""Radius of the ground over that of the objects: far enough to reach near the horizon."""
+GROUND_EXTENT = 100.0
+"""Radius of the ground over that of the objects: its edge is close to the horizon."""
 
 
 def sphere(
@@ -50,17 +50,17 @@ def torus(
     return _mesh(positions, normals, _grid_faces(segments, segments // 3), material)
 
 
-def default_scene() -> tuple[Scene, Camera]:
+def default_scene(size_px: tuple[int, int] = (640, 480)) -> tuple[Scene, Camera]:
     """Return the default scene and its camera."""
     white = Material((0.8, 0.8, 0.8), roughness=1.0, specular=0.0)
-    metal = Material((0.95, 0.93, 0.88), roughness=0.25, metalness=1.0)
+    metal = Material((0.95, 0.93, 0.88), roughness=0.35, metalness=1.0)
     clay = Material((0.55, 0.22, 0.12), roughness=0.5)
     meshes = (
         sphere((-0.62, 0.5, 0.25), 0.5, white),
         sphere((0.62, 0.4, 0.45), 0.4, metal),
         torus((0.1, 0.75, -0.65), 0.6, 0.15, clay),
     )
-    return frame_meshes(meshes)
+    return frame_meshes(meshes, size_px)
 
 
 def frame_meshes(
@@ -68,17 +68,18 @@ def frame_meshes(
 ) -> tuple[Scene, Camera]:
     """Return a scene of `meshes` on a ground that touches their lowest point, and a camera.
 
-    The camera looks down on their bounding sphere by 20°, from +Z a little to the right, at the
-    distance from which the sphere fills the picture. Nothing is moved or scaled.
+    The camera looks down on their bounding sphere by 12°, from +Z a little to the right, at the
+    distance from which the sphere fills the picture up to a margin of 10 %. Nothing is moved or
+    scaled: distant lights know no scale.
     """
     lowest = min(float(mesh.positions[:, 1].min()) for mesh in meshes)
     casters = gather_casters(meshes)
     centre, radius_m = casters.centre, casters.radius_m
     scene = Scene(meshes, Ground(lowest, GROUND_REFLECTANCE, GROUND_EXTENT * radius_m))
-    view = _direction(azimuth_rad=math.radians(20), elevation_rad=math.radians(20))
+    view = _direction(azimuth_rad=math.radians(20), elevation_rad=math.radians(12))
     fov_rad = math.radians(35)
     narrow = math.atan(math.tan(0.5 * fov_rad) * min(1.0, size_px[0] / size_px[1]))
-    distance_m = radius_m / math.sin(narrow)
+    distance_m = 1.1 * radius_m / math.sin(narrow)
     return scene, Camera(centre + distance_m * view, centre, fov_rad, size_px)
 
 

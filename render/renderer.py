@@ -2,10 +2,10 @@
 
 Input  : a scene, a camera and LightSets.    Output : linear radiance, in the lights' scale.
 Cost   : on llvmpipe and 2 cores see tests/benchmarks; the sum over lights takes most of it.
-Fails  : only light that comes straight from the lights is there: no light from the ground or from
-         one object to another, and no second bounce inside a rough surface's facets, which a
-         metal of roughness 1 loses up to half of its reflection to. Shadows are hard; the extent
-         of a light widens its highlight, not its shadow.
+Fails  : only light that comes straight from the lights is there. A mirror shows the lights and not
+         the map they stand for; nothing lights another thing, the ground included; light that a
+         rough surface's facets pass on to each other is lost, up to half of what a metal of
+         roughness 1 reflects. Shadows are hard: the extent of a light widens its highlight only.
 """
 
 from types import TracebackType

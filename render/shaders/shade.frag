@@ -32,18 +32,23 @@ out vec4 radiance;
 const float PI = 3.14159265358979;
 const float SMALLEST_ALPHA2 = 4e-6;  // keeps D finite in float32 for a perfect mirror
 // A bilinear look-up compares texels whose centres lie up to √2 texels away. Where the plane
-// through the receiver is tilted by θ from the light, moving the receiver √2 sin θ texels off that
-// plane is what puts all of them behind it, at any θ. Without sin θ, rounding is covered too.
+// through the receiver is tilted by θ from the light, √2 sin θ texels off that plane all of them
+// are behind the receiver, at any θ. What faces the light needs a little, for rounding.
 const float OFFSET_TEXELS = 1.41421356;
+const float SMALLEST_SINE = 0.05;
 
-float visibility(Light light, vec3 receiver) {
-    vec4 point = vec4(receiver, 1.0);
+float visibility(Light light, vec3 position, vec3 face_normal) {
+    float cosine = dot(face_normal, light.direction.xyz);
+    float sine = max(sqrt(max(1.0 - cosine * cosine, 0.0)), SMALLEST_SINE);
+    vec4 point = vec4(position + OFFSET_TEXELS * texel_m * sine * face_normal, 1.0);
     vec2 tile = vec2(dot(light.row_u, point), dot(light.row_v, point));
     // The outermost two texels of a tile are free of casters: outside is lit.
     tile = clamp(tile, texel_tile, 1.0 - texel_tile);
     // Beyond the map's far side is as deep as its far side.
     float depth = clamp(dot(light.row_depth, point), 0.0, 1.0);
-    return texture(atlas, vec3(light.tile.xy + light.tile.z * tile, depth));
+    float unoccluded = texture(atlas, vec3(light.tile.xy + light.tile.z * tile, depth));
+    // A light behind the face cannot reach it, whatever the interpolated normal says.
+    return cosine > 0.0 ? unoccluded : 0.0;
 }
 
 void main() {
@@ -58,7 +63,6 @@ void main() {
     vec3 v = normalize(eye - position.xyz);
     float alpha = shading.w * shading.w;
     float n_v = max(dot(n, v), 1e-4);
-    vec3 receiver = position.xyz + OFFSET_TEXELS * texel_m * face.xyz;
 
     vec3 sum = vec3(0.0);
     for (int k = 0; k < light_count; k++) {
@@ -80,8 +84,7 @@ void main() {
         float c2 = c * c;
         vec3 fresnel = reflectance0 + (face.w - reflectance0) * (c2 * c2 * c);
         vec3 brdf = (1.0 - fresnel) * rho / PI + fresnel * (distribution * masking);
-        // A light behind the face itself cannot reach it, whatever the interpolated normal says.
-        float lit = dot(face.xyz, l) > 0.0 ? n_l * visibility(light, receiver) : 0.0;
+        float lit = n_l * visibility(light, position.xyz, face.xyz);
         sum += lit * brdf * light.irradiance.rgb;
     }
     radiance = vec4(sum, 0.0);

@@ -1,0 +1,97 @@
+"""The `render` command."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from capture.errors import InputError
+from capture.output import refuse_existing
+from lighting.environment_files import read_environment
+from lighting.light_files import read_lights
+from render.default_scene import default_scene, frame_meshes
+from render.gl import create_context
+from render.mesh import load_meshes
+from render.pictures import check_picture_suffix, write_picture
+from render.renderer import Renderer
+from render.view import auto_exposure_ev
+
+SAMPLES_PER_AXIS = 2
+MAX_SIZE_PX = 8192
+
+
+def render(
+    *,
+    lights: Path,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    mesh: Path | None = None,
+    size: str = "640x480",
+    background: Path | None = None,
+    exposure_ev: str = "auto",
+    force: bool = False,
+) -> None:
+    """Render a scene under the lights of a file, with a shadow map for each.
+
+    Parameters
+    ----------
+    lights
+        lights.json, as `fishlight lights` writes it.
+    output
+        The picture: .png to look at, or .exr with linear radiance in the lights' scale.
+    mesh
+        OBJ, glTF, GLB or PLY file to stand on the ground; spheres and a ring without it.
+    size
+        Width and height of the picture in pixels.
+    background
+        Lat-long map, .exr or .hdr, to be seen behind the scene.
+    exposure_ev
+        Stops by which a PNG is made brighter; auto puts the scene's log-mean at middle grey.
+    force
+        Replace the output if it exists.
+    """
+    size_px = parse_size(size)
+    fixed_ev = parse_exposure(exposure_ev)
+    check_picture_suffix(output)
+    refuse_existing(output, force=force)
+    light_set = read_lights(lights)
+    environment = None if background is None else read_environment(background)[0]
+    if mesh is None:
+        scene, camera = default_scene(size_px)
+    else:
+        model = load_meshes(mesh)
+        for note in model.notes:
+            print(note)
+        scene, camera = frame_meshes(model.meshes, size_px)
+    with (
+        create_context() as context,
+        Renderer(context, scene, camera, SAMPLES_PER_AXIS) as renderer,
+    ):
+        picture = renderer.render(light_set, environment)
+    ev = auto_exposure_ev(picture) if fixed_ev is None else fixed_ev
+    write_picture(output, picture, ev, force=force)
+    triangles = sum(len(part.faces) for part in scene.meshes)
+    print(f"{output}: {len(light_set)} lights on {triangles} triangles, {ev:+.1f} EV")
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """(width, height) in pixels of "640x480"; InputError for anything else."""
+    width, _, height = text.lower().partition("x")
+    if not (width.isdecimal() and height.isdecimal()):
+        raise InputError(f"a size is WIDTHxHEIGHT, as in 640x480; got {text!r}")
+    size_px = int(width), int(height)
+    if not all(1 <= length <= MAX_SIZE_PX for length in size_px):
+        raise InputError(f"width and height must be 1 to {MAX_SIZE_PX}, got {text}")
+    return size_px
+
+
+def parse_exposure(text: str) -> float | None:
+    """Exposure in stops, None for "auto"; InputError for anything else."""
+    if text == "auto":
+        return None
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not abs(value) <= 100:
+        raise InputError(f"an exposure is a number of stops or auto, got {text!r}")
+    return value
