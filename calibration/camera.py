@@ -8,7 +8,7 @@ from dataclasses import Field, dataclass, field, fields, replace
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from capture.arrays import read_only
 from capture.errors import InputError
@@ -129,34 +129,30 @@ class Calibration:
                 f"not positive there with {list(self.vignetting)}"
             )
 
-    def unproject(
-        self, pixels: NDArray[np.floating]
-    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    def unproject(self, pixels: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Return world directions (..., 3) and validity (...) of pixels (..., 2).
 
         A pixel is valid inside the picture's edge (half a pixel beyond the outer centres), the
         image circle and the valid angle. Where the model has no direction it is NaN.
         """
-        pixels = np.asarray(pixels, np.float64)
-        directions, valid = self.model.unproject(pixels)
-        return directions @ self.R_world_camera.T, valid & self._sees(pixels, directions)
+        at = np.asarray(pixels, np.float64)
+        directions, valid = self.model.unproject(at)
+        return directions @ self.R_world_camera.T, valid & self._sees(at, directions)
 
-    def project(
-        self, directions: NDArray[np.floating]
-    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    def project(self, directions: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Return pixels (..., 2) and validity (...) of world directions (..., 3)."""
         in_camera = np.asarray(directions, np.float64) @ self.R_world_camera
         pixels, valid = self.model.project(in_camera)
         return pixels, valid & self._sees(pixels, in_camera)
 
-    def relative_illumination(self, angle_rad: NDArray[np.floating]) -> NDArray[np.float64]:
+    def relative_illumination(self, angle_rad: ArrayLike) -> NDArray[np.float64]:
         """V(θ): the share of the light on the axis that the lens passes at the angle θ."""
         coefficients = np.array([1.0, *self.vignetting])
         return np.polynomial.polynomial.polyval(
             np.asarray(angle_rad, np.float64) ** 2, coefficients
         )
 
-    def axis_angle(self, directions: NDArray[np.floating]) -> NDArray[np.float64]:
+    def axis_angle(self, directions: ArrayLike) -> NDArray[np.float64]:
         """Angle in rad between world directions (..., 3) and the model's axis."""
         return self._axis_angle(np.asarray(directions, np.float64) @ self.R_world_camera)
 

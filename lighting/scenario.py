@@ -198,8 +198,8 @@ def split_sun(environment: EnvironmentMap) -> tuple[EnvironmentMap, Disc]:
     mean = float(luminance(environment.integral())) / (4 * np.pi)
     if not light.max() > _SUN_OVER_MEAN * mean:
         raise InputError(
-            f"a cloud needs a sun to cover, but the map's peak is only {light.max() / mean:.0f} "
-            f"times its mean (wanted: above {_SUN_OVER_MEAN:.0f}); give a map of a sunny sky"
+            f"a cloud needs a sun to cover: a peak of more than {_SUN_OVER_MEAN:.0f} times the "
+            f"map's mean; here the peak is {light.max():.4g} and the mean {mean:.4g}"
         )
     directions = cell_directions(height)
     cosine = directions @ directions.reshape(-1, 3)[light.argmax()]

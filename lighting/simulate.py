@@ -40,7 +40,7 @@ _PEAK = 0.8
 """Linear value that the brightest light may reach in the shortest exposure."""
 _MEDIAN = 0.15
 """Linear value of the median pixel in the longest exposure."""
-_STEP = 2.0**8
+_STEP = 64.0
 """Largest ratio of neighbouring exposures: the lowest counts of an sRGB curve are coarse."""
 
 
