@@ -1,6 +1,14 @@
-"""The lighting stage's commands."""
+"""The lighting stage's commands: simulate, remap and lights."""
 
 from collections.abc import Callable
 from typing import Any
 
-COMMANDS: tuple[tuple[Callable[..., Any], str], ...] = ()
+from lighting.lights_cli import lights
+from lighting.remap_cli import remap
+from lighting.simulate_cli import simulate
+
+COMMANDS: tuple[tuple[Callable[..., Any], str], ...] = (
+    (simulate, "simulate"),
+    (remap, "remap"),
+    (lights, "lights"),
+)

@@ -1,6 +1,133 @@
-"""The render stage's commands."""
+"""The render stage's commands: render, replay and doctor."""
 
-from collections.abc import Callable
-from typing import Any
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Annotated, Any
 
-COMMANDS: tuple[tuple[Callable[..., Any], str], ...] = ()
+from cyclopts import Parameter
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from capture.errors import FishlightError, InputError
+from capture.output import refuse_existing
+from render import doctor as machine
+from render.render_cli import parse_size, render, scene_to_render
+from render.replay import CAPTURE_TO_LIGHTS, ReplaySummary, replay, stage_times_ms, write_timings
+
+
+def replay_command(
+    recording: Path,
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    count: int = 64,
+    method: str = "inverse-cdf",
+    height: int = 512,
+    mesh: Path | None = None,
+    size: str = "640x480",
+    calibration: Path | None = None,
+    timings: Path | None = None,
+    force: bool = False,
+) -> None:
+    """Turn every bracket of a recording into a map, a set of lights and a picture.
+
+    Parameters
+    ----------
+    recording
+        Folder with a manifest.json, as `fishlight import` or `fishlight simulate` makes it.
+    output
+        Folder for maps/*.exr, lights/*.json, pictures/*.png, video.mp4 and session.json.
+    count
+        Lights per bracket.
+    method
+        Light reduction.
+    height
+        Rows of the lat-long maps, which are twice as wide.
+    mesh
+        OBJ, glTF, GLB or PLY to render; a few objects that show the lights if not given.
+    size
+        Size of the pictures, WIDTHxHEIGHT.
+    calibration
+        Calibration to use instead of the recording's own.
+    timings
+        JSON file for what every frame cost in each stage.
+    force
+        Replace the results of an earlier replay.
+    """
+    if timings is not None:
+        refuse_existing(timings, force=force)
+    scene, camera = scene_to_render(mesh, parse_size(size))
+    summary = replay(
+        recording,
+        output,
+        scene=scene,
+        camera=camera,
+        count=count,
+        method=method,
+        map_height=height,
+        calibration_path=calibration,
+        force=force,
+        progress=_progress,
+    )
+    if timings is not None:
+        write_timings(timings, summary, force=force)
+    _report(summary, output)
+    if summary.counters.rendered == 0:
+        raise InputError(f"{recording}: none of its {summary.counters.captured} brackets is usable")
+
+
+def doctor() -> None:
+    """Show what this machine has for fishlight, what is missing, and how to mend it."""
+    findings = machine.examine()
+    width = max(len(finding.subject) for finding in findings)
+    for finding in findings:
+        mark = "ok" if finding.is_good else "MISSING" if finding.is_required else "note"
+        print(f"{finding.subject:<{width}}  {mark:<7}  {finding.found}")
+        if not finding.is_good:
+            print(f"{'':<{width}}  {'':<7}  {finding.remedy}")
+    missing = [finding.subject for finding in findings if not finding.is_good]
+    if any(finding.is_required for finding in findings if not finding.is_good):
+        raise FishlightError(f"not ready: {', '.join(missing)} (see above)")
+
+
+def _report(summary: ReplaySummary, output: Path) -> None:
+    for failure in summary.failures:
+        print(f"fishlight: left out: {failure}", file=sys.stderr)
+    counters = summary.counters
+    print(
+        f"{output}: {counters.captured} brackets captured, {counters.replaced} replaced, "
+        f"{counters.merged} merged, {counters.rendered} rendered, {counters.failed} failed"
+    )
+    if summary.clipped_count:
+        print(
+            f"light was clipped in every exposure of {summary.clipped_count} brackets: "
+            "their lights are a lower bound (clipped_fraction in lights/*.json)"
+        )
+    times = stage_times_ms(summary.clock)
+    if times:
+        stages = ", ".join(f"{name} {stage['median_ms']:.1f}" for name, stage in times.items())
+        to_lights = sum(times[name]["median_ms"] for name in CAPTURE_TO_LIGHTS)
+        print(f"median ms: {stages}; capture to lights {to_lights:.1f}  [{summary.gl}]")
+
+
+def _progress(source: Iterable[Any], length: int) -> Iterator[Any]:
+    """Show progress on a terminal; stay quiet in a pipe."""
+    console = Console(stderr=True)
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        disable=not console.is_terminal,
+        transient=True,
+    ) as progress:
+        yield from progress.track(source, total=length, description="replay")
+
+
+COMMANDS: tuple[tuple[Callable[..., Any], str], ...] = (
+    (render, "render"),
+    (replay_command, "replay"),
+    (doctor, "doctor"),
+)

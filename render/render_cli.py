@@ -14,6 +14,7 @@ from render.gl import create_context
 from render.mesh import load_meshes
 from render.pictures import check_picture_suffix, write_picture
 from render.renderer import Renderer
+from render.scene import Camera, Scene
 from render.view import auto_exposure_ev
 
 SAMPLES_PER_AXIS = 2
@@ -55,13 +56,7 @@ def render(
     refuse_existing(output, force=force)
     light_set = read_lights(lights)
     environment = None if background is None else read_environment(background)[0]
-    if mesh is None:
-        scene, camera = default_scene(size_px)
-    else:
-        model = load_meshes(mesh)
-        for note in model.notes:
-            print(note)
-        scene, camera = frame_meshes(model.meshes, size_px)
+    scene, camera = scene_to_render(mesh, size_px)
     with (
         create_context() as context,
         Renderer(context, scene, camera, SAMPLES_PER_AXIS) as renderer,
@@ -71,6 +66,16 @@ def render(
     write_picture(output, picture, ev, force=force)
     triangles = sum(len(part.faces) for part in scene.meshes)
     print(f"{output}: {len(light_set)} lights on {triangles} triangles, {ev:+.1f} EV")
+
+
+def scene_to_render(mesh: Path | None, size_px: tuple[int, int]) -> tuple[Scene, Camera]:
+    """Return the mesh's scene and a camera that frames it; the default scene without a mesh."""
+    if mesh is None:
+        return default_scene(size_px)
+    model = load_meshes(mesh)
+    for note in model.notes:
+        print(note)
+    return frame_meshes(model.meshes, size_px)
 
 
 def parse_size(text: str) -> tuple[int, int]:
