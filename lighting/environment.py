@@ -52,6 +52,11 @@ class EnvironmentMap:
         """Number of rows, N."""
         return self.radiance.shape[0]
 
+    @property
+    def seen_share(self) -> float:
+        """Share of all directions that the camera saw, by solid angle."""
+        return float(solid_angles(self.height) @ self.valid.sum(axis=1)) / (4 * np.pi)
+
     def integral(self) -> NDArray[np.float64]:
         """∫ L dω over the sphere, per channel, (3,)."""
         rows = self.radiance.sum(axis=1, dtype=np.float64)

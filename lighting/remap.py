@@ -1,0 +1,311 @@
+"""From a camera picture to an environment map, without losing or inventing light.
+
+Input  : a RadianceImage and the Calibration of its camera.    Output : an EnvironmentMap.
+Every pixel's flux (radiance × solid angle) is shared among the cells it covers (footprint.py), and
+a cell's radiance is the mean of what it got, weighted by solid angle. So a constant picture stays
+constant, and a light smaller than a pixel keeps its flux and its place at any size of map.
+`build_remap` does this once for a camera and a size of map; `apply_remap` is then one sparse
+product per picture. `remap_image` is for single pictures of any size, in bounded memory.
+Cost   : see tests/benchmarks/remap.py.
+Fails  : at the edge of what the camera sees. A cell there holds the mean of the part that was seen,
+so a light in it counts for the whole cell.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from calibration.camera import Calibration
+from capture.errors import InputError
+from capture.radiance import RadianceImage
+from lighting.environment import EnvironmentMap
+from lighting.footprint import BAND_PARTS, add_band, count_entries, fill_entries, row_balance
+from lighting.latlong import solid_angles
+
+_FULL = 0.9
+"""Share of a cell that pixels must cover for it to be taken as covered whole: below it the cell
+lies on the edge of the picture, above it the difference to 1 is the unevenness of sampling."""
+_BALANCE_ROUNDS = 8
+_OPERATOR_PX = 8_000_000
+"""Largest picture for which a whole operator is built on the way."""
+_BAND_PX = 1_000_000
+_HALF = 0.5
+"""Coverage from which on a cell is valid."""
+_TASKS = 64
+"""Parts the map is cut into for threads, of equal work."""
+
+
+@dataclass(frozen=True)
+class Remap:
+    """A camera's way onto a lat-long grid: a sparse matrix from pixels to cells.
+
+    Attributes
+    ----------
+    height : int
+        N of the N × 2N map.
+    image_size_px : (int, int)
+        (width, height) of the pictures it takes.
+    starts : (2N² + 1,) int64
+        Entries starts[i] … starts[i + 1] belong to the flat cell i.
+    pixels : (E,) uint32
+        Flat pixel index of each entry.
+    weights : (E,) float32
+        Weight of the pixel in the cell's mean; divided by the lens's relative illumination.
+    coverage : (N, 2N) float32
+        Share of each cell's solid angle that the camera sees, 0 to 1.
+    illumination : (H W,) float32
+        Relative illumination of each pixel; empty if it is 1 everywhere.
+    """
+
+    height: int
+    image_size_px: tuple[int, int]
+    starts: NDArray[np.int64]
+    pixels: NDArray[np.uint32]
+    weights: NDArray[np.float32]
+    coverage: NDArray[np.float32]
+    illumination: NDArray[np.float32]
+
+    @property
+    def image_shape(self) -> tuple[int, int]:
+        """(rows, columns) of the pictures it takes."""
+        width, height = self.image_size_px
+        return height, width
+
+
+def build_remap(calibration: Calibration, height: int) -> Remap:
+    """Return the operator from a camera's pictures to maps of `height` × 2 `height` cells.
+
+    It holds about four entries of 8 bytes per pixel where cells are larger than pixels, and about
+    four per cell where they are smaller. The entries are balanced (Sinkhorn's iteration), so that
+    every pixel gives its whole solid angle and every covered cell gets its own; the imbalance that
+    is left is the error of a small light's flux.
+    """
+    factors = row_balance(height)
+    corners, seen = _pixel_grid(calibration, 0, calibration.image_size_px[1])
+    counts = count_entries(corners, seen, factors)
+    starts = np.zeros(counts.shape[1] + 1, np.int64)
+    np.cumsum(counts.sum(axis=0), out=starts[1:])
+    places = starts[:-1] + np.cumsum(counts, axis=0) - counts
+    pixels, masses, pixel_sr = fill_entries(corners, seen, factors, places, int(starts[-1]))
+    cell_sr = np.repeat(solid_angles(height), 2 * height)
+    weights, coverage = _balance(starts, pixels, masses, pixel_sr, cell_sr)
+    illumination = _illumination(calibration, 0, calibration.image_size_px[1])
+    if illumination.size:
+        weights /= illumination[pixels]
+    return Remap(
+        height=height,
+        image_size_px=calibration.image_size_px,
+        starts=starts,
+        pixels=pixels,
+        weights=weights,
+        coverage=coverage.reshape(height, 2 * height),
+        illumination=illumination,
+    )
+
+
+def apply_remap(remap: Remap, image: RadianceImage) -> EnvironmentMap:
+    """Return the environment map that a picture shows.
+
+    Pixels that are not valid count for nothing. A cell is valid if valid pixels cover half of it,
+    clipped if any clipped pixel contributed to it, and black if it is not valid.
+
+    Raises
+    ------
+    InputError
+        If the picture's size is not the one the operator was built for.
+    """
+    if image.size_px != remap.image_size_px:
+        raise InputError(
+            f"the picture is {image.size_px[0]}×{image.size_px[1]} px but the remap was built for "
+            f"{remap.image_size_px[0]}×{remap.image_size_px[1]}"
+        )
+    shape = (remap.height, 2 * remap.height)
+    pixels = image.radiance.reshape(-1, 3)
+    tasks = np.searchsorted(remap.starts, np.linspace(0, remap.starts[-1], _TASKS + 1)[1:-1])
+    tasks = np.concatenate([[0], tasks, [remap.starts.size - 1]])
+    enough = remap.coverage.ravel() >= _HALF
+    if image.valid.all() and not image.clipped.any():
+        radiance = _product(tasks, remap.starts, remap.pixels, remap.weights, enough, pixels)
+        valid, clipped = enough, np.zeros(enough.size, np.bool_)
+    else:
+        radiance, valid, clipped = _marked_product(
+            tasks,
+            remap.starts,
+            remap.pixels,
+            remap.weights,
+            remap.coverage.ravel(),
+            remap.illumination,
+            pixels,
+            image.valid.ravel(),
+            image.clipped.ravel(),
+        )
+    return EnvironmentMap(
+        radiance.reshape(*shape, 3), valid.reshape(shape), clipped.reshape(shape), image.scale
+    )
+
+
+def remap_image(calibration: Calibration, image: RadianceImage, height: int) -> EnvironmentMap:
+    """Return the environment map of one picture, in memory bounded by the map and not the picture.
+
+    A picture of at most 8 Mpx goes through `build_remap`. A larger one is taken in bands whose
+    light is added up straight away. That cannot be balanced, and is finely sampled instead: the
+    two ways differ by less than 1 % in the flux of a one-pixel light.
+
+    Raises
+    ------
+    InputError
+        If the picture's size is not the calibration's.
+    """
+    calibration.check_size(image.size_px, "the picture")
+    columns, rows = image.size_px
+    if rows * columns <= _OPERATOR_PX:
+        return apply_remap(build_remap(calibration, height), image)
+    factors = row_balance(height)
+    flux = np.zeros((BAND_PARTS, 2 * height**2, 3))
+    seen_sr = np.zeros((BAND_PARTS, 2 * height**2))
+    clipped = np.zeros(2 * height**2, np.bool_)
+    band_rows = max(_BAND_PX // columns, 1)
+    for first in range(0, rows, band_rows):
+        last = min(first + band_rows, rows)
+        corners, seen = _pixel_grid(calibration, first, last)
+        add_band(
+            corners,
+            seen & image.valid[first:last],
+            factors,
+            image.radiance[first:last],
+            _illumination(calibration, first, last).reshape(-1, columns),
+            image.clipped[first:last],
+            flux,
+            seen_sr,
+            clipped,
+        )
+    total_sr = seen_sr.sum(axis=0)
+    valid = total_sr >= _HALF * np.repeat(solid_angles(height), 2 * height)
+    radiance = np.zeros((2 * height**2, 3), np.float32)
+    radiance[valid] = flux.sum(axis=0)[valid] / total_sr[valid, None]
+    shape = (height, 2 * height)
+    return EnvironmentMap(
+        radiance.reshape(*shape, 3), valid.reshape(shape), clipped.reshape(shape), image.scale
+    )
+
+
+def _pixel_grid(
+    calibration: Calibration, first_row: int, last_row: int
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return directions (h + 1, W + 1, 3) of the corners of rows, and which pixels are seen (h, W).
+
+    A pixel is seen if its centre is, and the lens model knows a direction for each corner.
+    """
+    width = calibration.image_size_px[0]
+    corners, _ = calibration.unproject(_pixels(width + 1, first_row, last_row + 1) - 0.5)
+    _, seen = calibration.unproject(_pixels(width, first_row, last_row))
+    known = np.asarray(np.isfinite(corners).all(axis=-1))
+    known = known[:-1, :-1] & known[:-1, 1:] & known[1:, :-1] & known[1:, 1:]
+    return corners, seen & known
+
+
+def _pixels(width: int, first_row: int, last_row: int) -> NDArray[np.float64]:
+    """Return the coordinates (x, y) of picture rows, (h, width, 2)."""
+    grid = np.meshgrid(np.arange(width), np.arange(first_row, last_row))
+    return np.stack(grid, axis=-1).astype(np.float64)
+
+
+def _illumination(calibration: Calibration, first_row: int, last_row: int) -> NDArray[np.float32]:
+    """Return the relative illumination of rows of pixels, (h W,); empty without vignetting."""
+    if not any(calibration.vignetting):
+        return np.empty(0, np.float32)
+    pixels = _pixels(calibration.image_size_px[0], first_row, last_row)
+    directions, seen = calibration.unproject(pixels)
+    illumination = calibration.relative_illumination(calibration.axis_angle(directions))
+    return np.where(seen, illumination, 1.0).astype(np.float32).ravel()
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def _balance(starts, pixels, masses, pixel_sr, cell_sr):  # type: ignore[no-untyped-def]
+    """Return the weights of the entries in their cell's mean, and the coverage of the cells.
+
+    Pixels and cells are scaled in turns until each pixel's entries sum to its solid angle and each
+    covered cell's to its own. A cell on the edge of the picture keeps the sum that it has.
+    """
+    cell_count = len(cell_sr)
+    target = np.empty(cell_count)
+    coverage = np.empty(cell_count, np.float32)
+    cell_scale = np.empty(cell_count)
+    pixel_scale = np.ones(len(pixel_sr))
+    for i in prange(cell_count):
+        total = 0.0
+        for k in range(starts[i], starts[i + 1]):
+            total += masses[k]
+        target[i] = cell_sr[i] if total > _FULL * cell_sr[i] else total
+        coverage[i] = target[i] / cell_sr[i]
+    for _ in range(_BALANCE_ROUNDS):
+        for i in prange(cell_count):
+            total = 0.0
+            for k in range(starts[i], starts[i + 1]):
+                total += masses[k] * pixel_scale[pixels[k]]
+            cell_scale[i] = target[i] / total if total > 0.0 else 0.0
+        given = np.zeros(len(pixel_sr))
+        for i in range(cell_count):
+            for k in range(starts[i], starts[i + 1]):
+                given[pixels[k]] += masses[k] * cell_scale[i]
+        for p in prange(len(pixel_sr)):
+            if given[p] > 0.0:
+                pixel_scale[p] = pixel_sr[p] / given[p]
+    weights = np.empty(len(masses), np.float32)
+    for i in prange(cell_count):
+        total = 0.0
+        for k in range(starts[i], starts[i + 1]):
+            total += masses[k] * pixel_scale[pixels[k]]
+        for k in range(starts[i], starts[i + 1]):
+            weights[k] = masses[k] * pixel_scale[pixels[k]] / total
+    return weights, coverage
+
+
+@njit(cache=True, nogil=True, parallel=True, fastmath={"contract"})
+def _product(tasks, starts, pixels, weights, wanted, radiance):  # type: ignore[no-untyped-def]
+    """Return the radiance (2N², 3) of the wanted cells; 0 in the others."""
+    result = np.zeros((len(starts) - 1, 3), np.float32)
+    for task in prange(len(tasks) - 1):
+        for i in range(tasks[task], tasks[task + 1]):
+            if wanted[i]:
+                red = green = blue = np.float32(0.0)
+                for k in range(starts[i], starts[i + 1]):
+                    p, weight = pixels[k], weights[k]
+                    red += weight * radiance[p, 0]
+                    green += weight * radiance[p, 1]
+                    blue += weight * radiance[p, 2]
+                result[i, 0] = red
+                result[i, 1] = green
+                result[i, 2] = blue
+    return result
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def _marked_product(  # type: ignore[no-untyped-def]
+    tasks, starts, pixels, weights, coverage, illumination, radiance, pixel_valid, pixel_clipped
+):
+    """Return the radiance (2N², 3) from valid pixels, and which cells are valid and clipped."""
+    cell_count = len(starts) - 1
+    result = np.zeros((cell_count, 3), np.float32)
+    valid = np.zeros(cell_count, np.bool_)
+    clipped = np.zeros(cell_count, np.bool_)
+    for task in prange(len(tasks) - 1):
+        for i in range(tasks[task], tasks[task + 1]):
+            red = green = blue = share = np.float32(0.0)
+            for k in range(starts[i], starts[i + 1]):
+                p = pixels[k]
+                if pixel_valid[p]:
+                    weight = weights[k]
+                    red += weight * radiance[p, 0]
+                    green += weight * radiance[p, 1]
+                    blue += weight * radiance[p, 2]
+                    share += weight * illumination[p] if len(illumination) else weight
+                    clipped[i] |= pixel_clipped[p]
+            if share * coverage[i] >= _HALF:
+                valid[i] = True
+                result[i, 0] = red / share
+                result[i, 1] = green / share
+                result[i, 2] = blue / share
+    return result, valid, clipped

@@ -1,0 +1,59 @@
+"""`fishlight remap`: from a camera picture to an environment map."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from calibration.files import read_calibration
+from capture.errors import InputError
+from capture.output import refuse_existing
+from capture.radiance_files import read_radiance
+from lighting.environment_files import write_environment
+from lighting.fill import Fill, fill_unseen
+from lighting.remap import remap_image
+
+_MAX_HEIGHT = 4096
+
+
+def remap(
+    radiance: Path,
+    *,
+    calibration: Path,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    height: int = 512,
+    fill: Fill = "black",
+    force: bool = False,
+) -> None:
+    """Turn a camera's radiance picture into a lat-long environment map.
+
+    Parameters
+    ----------
+    radiance
+        Linear radiance of the camera's picture, EXR or Radiance .hdr.
+    calibration
+        The camera's calibration, JSON.
+    output
+        The map, EXR or Radiance .hdr (which loses the marks of unseen and clipped cells).
+    height
+        Rows of the map; it has twice as many columns.
+    fill
+        What unseen directions hold: black, mean (of the seen) or mirror (at the horizon).
+    force
+        Replace the output if it exists.
+    """
+    refuse_existing(output, force=force)
+    if not 2 <= height <= _MAX_HEIGHT:
+        raise InputError(f"--height must be 2 to {_MAX_HEIGHT}, got {height}")
+    camera = read_calibration(calibration)
+    image, cleaned = read_radiance(radiance)
+    camera.check_size(image.size_px, str(radiance))
+    environment = fill_unseen(remap_image(camera, image, height), fill)
+    write_environment(output, environment, force=force)
+
+    print(f"{output}: {2 * height}×{height}, {environment.seen_share:.1%} of all directions seen")
+    if str(cleaned):
+        print(f"  set to 0 in the picture: {cleaned} values")
+    clipped_count = int(environment.clipped.sum())
+    if clipped_count:
+        print(f"  {clipped_count} cells are clipped: their radiance is a lower bound")
