@@ -51,6 +51,3 @@ def lights(
             f"  {light_set.clipped_fraction:.1%} of the light comes from clipped cells: "
             "the lights are a lower bound"
         )
-
-
-COMMANDS = ((lights, "lights"),)

@@ -1,0 +1,162 @@
+"""What every light-reduction method keeps to."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lighting.latlong import cell_directions
+from lighting.reduce import METHODS, reduce_to_lights
+from tests.environments import (
+    bright_poles,
+    constant,
+    environment,
+    irradiance,
+    normals,
+    one_hot,
+    outdoors,
+    sun_in_sky,
+    true_irradiance,
+    turned,
+    two_cells,
+)
+
+PREFIX_METHODS = ("inverse-cdf",)
+"""Methods whose n lights stand where the first n of any larger number do."""
+
+MAPS = {
+    "smallest": constant(2),
+    "one-hot": one_hot(),
+    "one-hot at the pole": one_hot(cell=(0, 0)),
+    "two cells": two_cells(),
+    "constant": constant(),
+    "bright poles": bright_poles(),
+    "sun 1e6 above the sky": sun_in_sky(),
+    "barely lit": environment(np.full((4, 8), 1e-45)),
+    "as bright as float32 goes": environment(np.full((4, 8), 3e38)),
+    "one channel": environment(np.ones((8, 16, 3)) * (0.0, 0.0, 1.0)),
+    "outdoors": outdoors(32),
+}
+COUNTS = (1, 2, 3, 7, 64, 500)
+
+each_method = pytest.mark.parametrize("method", METHODS)
+each_map = pytest.mark.parametrize("environment_map", MAPS.values(), ids=MAPS)
+
+
+def relative_rms(measured, true):
+    return np.sqrt(np.mean((measured - true) ** 2) / np.mean(true**2))
+
+
+def blob(direction, height=64):
+    """Return a soft lamp 100 above a sky of 0.05, toward a unit vector."""
+    cosine = cell_directions(height) @ np.asarray(direction)
+    return environment(0.05 + 100 * np.exp((cosine - 1) / 0.1**2))
+
+
+@each_method
+@each_map
+@pytest.mark.parametrize("count", COUNTS)
+def test_as_many_lights_as_asked_for_with_the_energy_of_the_map(method, environment_map, count):
+    lights = reduce_to_lights(environment_map, count, method)
+    assert len(lights) == count
+    np.testing.assert_allclose(
+        lights.irradiance.sum(axis=0), environment_map.integral(), rtol=1e-6, atol=0
+    )
+
+
+@each_method
+@each_map
+@pytest.mark.parametrize("count", COUNTS)
+def test_every_number_is_one(method, environment_map, count):
+    lights = reduce_to_lights(environment_map, count, method)
+    np.testing.assert_allclose(np.linalg.norm(lights.directions, axis=1), 1, atol=1e-12)
+    assert np.isfinite(lights.irradiance).all()
+    assert (lights.irradiance >= 0).all()
+    assert (lights.angular_radius_rad >= 0).all()
+    assert (lights.angular_radius_rad <= np.pi / 2 + 1e-12).all()
+
+
+@each_method
+def test_a_map_without_light_has_no_lights(method):
+    lights = reduce_to_lights(environment(np.zeros((8, 16))), 64, method)
+    assert len(lights) == 0
+
+
+@each_method
+@pytest.mark.parametrize("count", [5, 64])
+def test_the_same_map_gives_the_same_bits(method, count):
+    first = reduce_to_lights(outdoors(32), count, method)
+    second = reduce_to_lights(outdoors(32), count, method)
+    for name in ("directions", "irradiance", "angular_radius_rad"):
+        assert getattr(first, name).tobytes() == getattr(second, name).tobytes()
+
+
+@each_method
+@settings(deadline=None, max_examples=20)
+@given(exponent=st.integers(-20, 20))
+def test_brighter_light_is_brighter_lights_in_the_same_places(method, exponent):
+    # A power of two changes no rounding, so the laws hold bit for bit.
+    plain = reduce_to_lights(outdoors(16), 32, method)
+    scaled = reduce_to_lights(environment(outdoors(16).radiance * 2.0**exponent), 32, method)
+    np.testing.assert_array_equal(scaled.directions, plain.directions)
+    np.testing.assert_array_equal(scaled.irradiance, plain.irradiance * 2.0**exponent)
+    np.testing.assert_array_equal(scaled.angular_radius_rad, plain.angular_radius_rad)
+
+
+@pytest.mark.parametrize("method", PREFIX_METHODS)
+@settings(deadline=None, max_examples=20)
+@given(counts=st.tuples(st.integers(1, 300), st.integers(1, 300)))
+def test_fewer_lights_stand_where_the_first_of_more_do(method, counts):
+    few, more = sorted(counts)
+    some = reduce_to_lights(outdoors(16), few, method)
+    all_of_them = reduce_to_lights(outdoors(16), more, method)
+    np.testing.assert_array_equal(some.directions, all_of_them.directions[:few])
+
+
+@each_method
+@pytest.mark.parametrize("columns", [1, 17, 64, 100])
+def test_turning_the_map_turns_the_light(method, columns):
+    # Not the lights: where a row's sum starts decides where its lights stand. The irradiance must
+    # turn with the map to within the error of 256 lights (median 1.7 %, at most 3.0 %).
+    height = 64
+    angle = -np.pi * columns / height
+    turn = np.array(
+        [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
+    )
+    plain = reduce_to_lights(outdoors(height), 256, method)
+    rolled = reduce_to_lights(turned(outdoors(height), columns), 256, method)
+    before = irradiance(normals(), plain.directions, plain.irradiance)
+    after = irradiance(normals() @ turn.T, rolled.directions, rolled.irradiance)
+    assert relative_rms(after, before) < 0.045
+
+
+@each_method
+@pytest.mark.parametrize(
+    "azimuth", [0.0, 1.0, np.pi - 0.03, np.pi, np.pi + 0.03], ids="{:.2f}".format
+)
+@pytest.mark.parametrize("elevation", [0.0, 0.6, 1.5, np.pi / 2, -np.pi / 2], ids="{:.2f}".format)
+def test_seam_and_poles_are_ordinary_places(method, azimuth, elevation):
+    # A lamp on the seam (azimuth π) or a pole comes out as well as one anywhere: 1.0 to 3.6 % for
+    # 64 lights over all azimuths and elevations tried.
+    y, level = np.sin(elevation), np.cos(elevation)
+    lamp = blob((level * np.sin(azimuth), y, level * np.cos(azimuth)))
+    lights = reduce_to_lights(lamp, 64, method)
+    measured = irradiance(normals(), lights.directions, lights.irradiance)
+    assert relative_rms(measured, true_irradiance(normals(), lamp)) < 0.045
+
+
+@each_method
+def test_64_lights_of_an_even_sky_light_evenly(method):
+    lights = reduce_to_lights(constant(64), 64, method)
+    measured = irradiance(normals(), lights.directions, lights.irradiance)
+    # E = π L on every surface under an even sky.
+    assert relative_rms(measured, np.full_like(measured, np.pi)) < 0.02
+
+
+@each_method
+@pytest.mark.parametrize(("count", "bound"), [(16, 0.25), (64, 0.045), (256, 0.025), (1024, 0.005)])
+def test_more_lights_light_more_truly(method, count, bound):
+    # 20.0, 3.3, 1.8 and 0.23 % when written; random points give 19, 17, 4 and 3 % on captured maps.
+    lights = reduce_to_lights(outdoors(), count, method)
+    measured = irradiance(normals(), lights.directions, lights.irradiance)
+    assert relative_rms(measured, true_irradiance(normals(), outdoors())) < bound
