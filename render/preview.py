@@ -37,7 +37,7 @@ def preview(
     scale = size_px[1] / environment.height
     centres = (direction_to_grid(lights.directions, environment.height) + 0.5) * scale - 0.5
     share = lights.irradiance.sum(axis=1) / lights.irradiance.sum()
-    radii_px = np.clip(0.1 * width_px * np.sqrt(share), 3, 0.06 * width_px)
+    radii_px = np.clip(0.06 * width_px * np.sqrt(share), 3, 0.06 * width_px)
     for radius_px, centre in zip(radii_px, centres, strict=True):
         for colour, thickness in ((OUTLINE_RGB, 3), (LIGHT_RGB, 1)):
             _ring(picture, centre, float(radius_px), colour, thickness)
