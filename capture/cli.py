@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from capture.errors import InputError
+from capture.exposure_check import exposure_warning
 from capture.frame import Bracket
 from capture.importing import import_sources, read_photo_bracket
 from capture.inspecting import contact_sheet, describe, examine
@@ -169,7 +170,17 @@ def _read_bracket(
         raise InputError(
             f"{sources[0]} has no bracket {position}; it has {len(recording)}, from 0 on"
         )
-    return recording.read_bracket(position), recording.sensor, ()
+    chosen = recording.read_bracket(position)
+    return chosen, recording.sensor, _exposure_notes(chosen, recording.sensor)
+
+
+def _exposure_notes(bracket: Bracket, sensor: Sensor) -> tuple[str, ...]:
+    # A recording's exposures were settled when it was made: doubt is told, not enforced.
+    try:
+        warning = exposure_warning(bracket, sensor)
+    except InputError as error:
+        warning = str(error)
+    return (warning,) if warning else ()
 
 
 def _print_facts(facts: Sequence[tuple[str, str]]) -> None:

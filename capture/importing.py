@@ -6,6 +6,7 @@ Cost   : every file is decoded once, so that a recording never begins with a dam
 Files keep their bytes; only the frames of a video are encoded anew, as PNG.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -17,6 +18,7 @@ import numpy as np
 
 from capture.camera_files import read_counts
 from capture.errors import InputError
+from capture.exposure_check import exposure_warning
 from capture.files import read_bytes
 from capture.frame import Bracket, Exposure, Frame
 from capture.photographs import (
@@ -34,10 +36,10 @@ from capture.video import VIDEO_SUFFIXES, read_video
 
 REPEAT_TOLERANCE = 0.1
 """Mean relative difference of the counts of two frames that are said to be one exposure twice.
-A third of a stop makes 11 % in sRGB counts; noise and JPEG, averaged in blocks, make less than 2 %.
+A third of a stop makes 11 % in sRGB counts; noise, averaged in blocks, makes less than 2 %.
 """
 
-_BLOCK_PX = 16
+_BLOCK_PX, _COMPARED_PX = 16, 2**20
 
 Create = Callable[[str, Sensor], RecordingWriter]
 
@@ -123,15 +125,17 @@ def read_photo_bracket(
         raise InputError(
             f"there is no bracket {position}; the photographs form {len(plan.brackets)}, from 0 on"
         )
-    bracket, sensor = _decode(plan.brackets[position], position)
-    return bracket, sensor, plan.notes
+    photographs = plan.brackets[position]
+    bracket, sensor = _decode(photographs, position)
+    warning = _exposure_warning(bracket, sensor, photographs, given=exposures_s is not None)
+    return bracket, sensor, (*plan.notes, *warning)
 
 
 def _import_photographs(
     sources: Sequence[Path], exposures_s: Sequence[float] | None, create: Create
 ) -> tuple[str, ...]:
     plan = plan_brackets(find_photographs(sources), exposures_s)
-    sensor, size_px = _check_pixels(plan.brackets)
+    sensor, size_px, warnings = _check_pixels(plan.brackets, given=exposures_s is not None)
     with create(plan.camera, sensor) as writer:
         for position, photographs in enumerate(progress(plan.brackets, "copying")):
             for photograph in photographs:
@@ -143,7 +147,9 @@ def _import_photographs(
                     photograph.timestamp_s,
                     position,
                 )
-    return plan.notes
+    if len(warnings) > 1:
+        warnings[1:] = [f"{len(warnings) - 1} other brackets are like it"]
+    return (*plan.notes, *warnings)
 
 
 def _import_video(
@@ -175,18 +181,17 @@ def _named(sources: Sequence[Path]) -> str:
 
 
 def _check_pixels(
-    brackets: Sequence[Sequence[Photograph]],
-) -> tuple[Sensor, tuple[int, int]]:
+    brackets: Sequence[Sequence[Photograph]], *, given: bool
+) -> tuple[Sensor, tuple[int, int], list[str]]:
     """Decode every photograph; return the sensor and (width, height) that all share."""
-    firsts: dict[Path, str] = {}
-    sensor, size_px = None, (0, 0)
+    kinds: dict[Path, str] = {}
+    warnings: list[str] = []
     for position, photographs in enumerate(progress(brackets, "checking")):
-        bracket, bracket_sensor = _decode(photographs, position)
-        firsts[photographs[0].path] = _kind(bracket.frames[0])
-        check_alike("size", list(firsts), list(firsts.values()))
-        sensor, size_px = sensor or bracket_sensor, bracket.frames[0].size_px
-    assert sensor is not None
-    return sensor, size_px
+        bracket, sensor = _decode(photographs, position)
+        kinds[photographs[0].path] = _kind(bracket.frames[0])
+        check_alike("size", list(kinds), list(kinds.values()))
+        warnings += _exposure_warning(bracket, sensor, photographs, given=given)
+    return sensor, bracket.frames[0].size_px, warnings
 
 
 def _decode(photographs: Sequence[Photograph], position: int) -> tuple[Bracket, Sensor]:
@@ -214,6 +219,79 @@ def _check_repeats(frames: Sequence[Frame], paths: Sequence[Path]) -> None:
                 f"({frame.exposure.time_s:g} s) but differ by {difference:.0%}: an exposure is "
                 f"wrong, or they are of two brackets; {HINT}"
             )
+
+
+def _exposure_warning(
+    bracket: Bracket, sensor: Sensor, photographs: Sequence[Photograph], *, given: bool
+) -> tuple[str, ...]:
+    """Return what the pixels say against the exposures; given ones are believed, EXIF is not."""
+    try:
+        warning = exposure_warning(bracket, sensor)
+    except InputError as error:
+        if not given:
+            raise InputError(f"{photographs[0].path.parent}: {error}; {HINT}") from None
+        warning = str(error)
+    return (warning,) if warning else ()
+
+
+def _relative_difference(frame: Frame, other: Frame) -> float:
+    """Return the mean difference of two frames over their mean, where they are not both full.
+
+    Differences are averaged in blocks, which takes noise out of them.
+    """
+    width_px, height_px = frame.size_px
+    step = math.ceil(math.sqrt(width_px * height_px / _COMPARED_PX))
+    first, second = (each.counts[::step, ::step].astype(np.float32) for each in (frame, other))
+    is_float = frame.counts.dtype == np.float32
+    full = np.inf if is_float else 0.98 * np.iinfo(frame.counts.dtype).max
+    usable = np.minimum(first, second) < full
+    blocks = (max(first.shape[1] // _BLOCK_PX, 1), max(first.shape[0] // _BLOCK_PX, 1))
+    difference, total = (
+        np.abs(cv2.resize(np.where(usable, values, 0), blocks, interpolation=cv2.INTER_AREA)).sum()
+        for values in (first - second, first + second)
+    )
+    return float(2 * difference / total) if total > 0 else 0.0
+
+
+def _exposure_warning(
+    bracket: Bracket, sensor: Sensor, photographs: Sequence[Photograph], *, given: bool
+) -> tuple[str, ...]:
+    """Return what the pixels say against the exposures; given ones are believed, EXIF is not."""
+    try:
+        warning = exposure_warning(bracket, sensor)
+    except InputError as error:
+        if not given:
+            raise InputError(f"{photographs[0].path.parent}: {error}; {HINT}") from None
+        warning = str(error)
+    return (warning,) if warning else ()
+
+
+def _relative_difference(frame: Frame, other: Frame) -> float:
+    """Return the mean difference of two frames over their mean, where they are not both full."""
+    width_px, height_px = frame.size_px
+    blocks = (max(width_px // _BLOCK_PX, 1), max(height_px // _BLOCK_PX, 1))
+    first, second = (
+        cv2.resize(each.counts, blocks, interpolation=cv2.INTER_AREA).astype(np.float64)
+        for each in (frame, other)
+    )
+    is_float = frame.counts.dtype == np.float32
+    full = np.inf if is_float else 0.98 * np.iinfo(frame.counts.dtype).max
+    usable = np.minimum(first, second) < full
+    total = (first + second)[usable].sum()
+    return float(2 * np.abs(first - second)[usable].sum() / total) if total > 0 else 0.0
+
+
+def _exposure_warning(
+    bracket: Bracket, sensor: Sensor, photographs: Sequence[Photograph], *, given: bool
+) -> tuple[str, ...]:
+    """Return what the pixels say against the exposures; given ones are believed, EXIF is not."""
+    try:
+        warning = exposure_warning(bracket, sensor)
+    except InputError as error:
+        if not given:
+            raise InputError(f"{photographs[0].path.parent}: {error}; {HINT}") from None
+        warning = str(error)
+    return (warning,) if warning else ()
 
 
 def _relative_difference(frame: Frame, other: Frame) -> float:

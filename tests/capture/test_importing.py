@@ -1,0 +1,222 @@
+"""Imports: files keep their bytes, doubts are told, and what does not fit leaves nothing."""
+
+import hashlib
+
+import av
+import cv2
+import numpy as np
+import pytest
+
+from capture.errors import InputError, UnreadableFrame
+from capture.frame import Bracket, Exposure
+from capture.importing import import_sources, read_photo_bracket
+from capture.radiance_files import write_hdr
+from tests.capture.photo_files import DATA, scene_picture, write_photograph
+
+
+def write_bracket(folder, times_s=(0.4, 0.1, 0.025), repetitions=1):
+    folder.mkdir(exist_ok=True)
+    return [
+        write_photograph(folder / f"{index}.jpg", time_s)
+        for index, time_s in enumerate(times_s * repetitions)
+    ]
+
+
+def test_photographs_become_brackets_and_keep_their_bytes(tmp_path):
+    paths = write_bracket(tmp_path / "photos", repetitions=2)
+    calibration = tmp_path / "cal.json"
+    calibration.write_text("{}")
+    imported = import_sources(
+        [tmp_path / "photos"], tmp_path / "r", calibration=calibration, licence="CC0"
+    )
+    recording = imported.recording
+    assert [len(frames) for frames in recording.brackets] == [3, 3]
+    records = recording.manifest.frames
+    for path, record in zip(paths, records, strict=True):
+        data = (tmp_path / "r" / record.file).read_bytes()
+        assert data == path.read_bytes()
+        assert hashlib.sha256(data).hexdigest() == record.sha256
+    assert recording.manifest.camera == "Test 1"
+    assert recording.manifest.source == "photos"
+    assert recording.manifest.licence == "CC0"
+    assert recording.calibration_path is not None
+    assert recording.sensor.source == "assumed sRGB"
+    assert imported.notes == ("no usable capture times: brackets are put 1 s apart",)
+    assert all(isinstance(bracket, Bracket) for bracket in recording)
+
+
+def test_a_16_bit_picture_stays_16_bit(tmp_path):
+    picture = np.random.default_rng(1).integers(0, 65536, (8, 9, 3), np.uint16)
+    cv2.imwrite(str(tmp_path / "a.png"), picture[..., ::-1])
+    recording = import_sources([tmp_path / "a.png"], tmp_path / "r", exposures_s=[1.0]).recording
+    assert np.array_equal(recording.read_bracket(0).frames[0].counts, picture)
+    assert recording.sensor.white_dn == 65535
+
+
+def truncated(paths):
+    paths[-1].write_bytes(paths[-1].read_bytes()[:-200])
+
+
+def of_other_size(paths):
+    write_photograph(paths[-1], 0.025, picture=scene_picture(0.025, (32, 32)))
+
+
+def same_exposure_other_light(paths):
+    write_photograph(paths[-1], 0.1, picture=scene_picture(0.15))
+
+
+def swapped(paths):
+    write_photograph(paths[0], 0.4, picture=scene_picture(0.025))
+    write_photograph(paths[-1], 0.025, picture=scene_picture(0.4))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "told"),
+    [
+        (truncated, r"2\.jpg"),
+        (of_other_size, r"2\.jpg \(32 x 32"),
+        (same_exposure_other_light, r"1\.jpg and 2\.jpg have the same exposure.*--exposures"),
+        (swapped, r"EV apart.*--exposures"),
+    ],
+)
+def test_photographs_that_do_not_fit_are_refused_and_nothing_is_written(tmp_path, spoil, told):
+    paths = write_bracket(tmp_path / "photos")
+    spoil(paths)
+    for door in (
+        lambda: import_sources(paths, tmp_path / "r"),
+        lambda: read_photo_bracket(paths),
+    ):
+        with pytest.raises(InputError, match=told) as caught:
+            door()
+        assert "\n" not in str(caught.value)
+    assert [path.name for path in tmp_path.iterdir()] == ["photos"]
+
+
+def test_a_size_that_changes_between_brackets_is_refused(tmp_path):
+    paths = write_bracket(tmp_path / "photos", times_s=(0.1,), repetitions=3)
+    write_photograph(paths[1], 0.1, picture=scene_picture(0.1, (32, 32)))
+    with pytest.raises(InputError, match=r"1\.jpg \(32 x 32"):
+        import_sources(paths, tmp_path / "r")
+
+
+def test_repeats_that_agree_are_let_in(tmp_path):
+    rng = np.random.default_rng(2)
+    for name, time_s in (("a", 0.1), ("b", 0.1), ("c", 0.025)):
+        noisy = scene_picture(time_s) + rng.normal(0, 5, (32, 48, 3))
+        picture = np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+        write_photograph(tmp_path / f"{name}.jpg", time_s, picture=picture)
+    bracket, _, _ = read_photo_bracket([tmp_path])
+    assert len(bracket.frames) == 3
+
+
+def test_given_exposures_are_believed_against_the_pixels(tmp_path):
+    paths = write_bracket(tmp_path / "photos")
+    bracket, _, notes = read_photo_bracket(paths, [0.025, 0.1, 0.4])
+    assert bracket.frames[0].exposure == Exposure(0.025)
+    assert "EV apart" in notes[-1]
+
+
+def test_one_of_several_brackets_is_chosen(tmp_path):
+    paths = write_bracket(tmp_path / "photos", repetitions=2)
+    bracket, sensor, _ = read_photo_bracket(paths, position=1)
+    assert bracket.index == 1
+    assert len(bracket.frames) == 3
+    assert sensor.white_dn == 255
+    for position in (2, -1):
+        with pytest.raises(InputError, match="form 2"):
+            read_photo_bracket(paths, position=position)
+
+
+def test_an_exr_sequence_is_copied_and_gives_its_radiance(tmp_path):
+    radiance = np.random.default_rng(4).uniform(0, 1e5, (2, 6, 8, 3)).astype(np.float32)
+    valid = np.ones((6, 8), bool)
+    valid[2, 3] = False
+    write_hdr(tmp_path / "a1.exr", radiance[0], valid=valid)
+    write_hdr(tmp_path / "a2.exr", radiance[1])
+    recording = import_sources([tmp_path], tmp_path / "r").recording
+    assert [len(frames) for frames in recording.brackets] == [1, 1]
+    first, second = (recording.read_bracket(i).frames[0] for i in range(2))
+    assert first.exposure == Exposure(1.0)
+    assert np.array_equal(second.counts, radiance[1])
+    assert np.isnan(first.counts[2, 3]).all()
+    assert np.array_equal(first.counts[valid], radiance[0][valid])
+    record = recording.manifest.frames[0]
+    assert (tmp_path / "r" / record.file).read_bytes() == (tmp_path / "a1.exr").read_bytes()
+
+
+def write_video(path, frame_count):
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("ffv1", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 32, 32, "bgr0"
+        for index in range(frame_count):
+            picture = np.full((32, 32, 3), 10 * index, np.uint8)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        container.mux(stream.encode(None))
+    return path
+
+
+def test_a_video_becomes_a_bracket_per_frame(tmp_path):
+    video = write_video(tmp_path / "v.mkv", 5)
+    imported = import_sources([video], tmp_path / "r", exposures_s=[1 / 30])
+    assert imported.notes == ()
+    brackets = list(imported.recording)
+    assert [bracket.frames[0].counts[0, 0, 0] for bracket in brackets] == [0, 10, 20, 30, 40]
+    assert brackets[4].timestamp_s == pytest.approx(0.16, abs=1e-3)
+    assert {bracket.frames[0].exposure for bracket in brackets} == {Exposure(1 / 30)}
+
+
+def test_a_video_without_exposure_time_says_what_is_assumed(tmp_path):
+    imported = import_sources([write_video(tmp_path / "v.mkv", 1)], tmp_path / "r")
+    assert imported.notes == ("a video tells no exposure time: 1 s is assumed",)
+
+
+def test_a_video_cannot_be_a_bracket(tmp_path):
+    video = write_video(tmp_path / "v.mkv", 2)
+    with pytest.raises(InputError, match="one exposure time, 2 were given"):
+        import_sources([video], tmp_path / "r", exposures_s=[1.0, 2.0])
+    with pytest.raises(InputError, match="alone"):
+        import_sources([video, video], tmp_path / "r")
+
+
+def test_a_video_that_cannot_be_read_leaves_nothing(tmp_path):
+    (tmp_path / "v.mp4").write_text("no video")
+    with pytest.raises(UnreadableFrame):
+        import_sources([tmp_path / "v.mp4"], tmp_path / "r")
+    assert not (tmp_path / "r").exists()
+
+
+def test_an_existing_output_is_refused_before_the_work(tmp_path, monkeypatch):
+    import_sources(write_bracket(tmp_path / "photos"), tmp_path / "r")
+    monkeypatch.setattr("capture.importing.read_counts", None)  # decoding would be an error
+    with pytest.raises(InputError, match="--force"):
+        import_sources([tmp_path / "photos"], tmp_path / "r")
+
+
+def test_nothing_to_import_is_said(tmp_path):
+    with pytest.raises(InputError, match="nothing to import"):
+        import_sources([], tmp_path / "r")
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(
+    ("names", "exposures_s", "size_px"),
+    [
+        (("brackets-lumilab-fisheye/JPEG/IMG_6955.JPG",), None, (5616, 3744)),
+        (("brackets-bigchou/exp/ex_1/DSCF6014.jpg",), None, (1500, 1000)),
+        (
+            ("brackets-memorial/memorial0061.png", "brackets-memorial/memorial0067.png"),
+            [32.0, 0.5],
+            (512, 768),
+        ),
+        (("seq-vali-sky/src/webapp/public/example-sky-images",), [1.0], (880, 880)),
+        (("seq-stanford-skippd/sunny_day_demo_1.gif",), None, (64, 64)),
+        (("raw-tinydng/colorchart.dng",), [0.1], (1734, 1156)),
+    ],
+)
+def test_real_files_are_imported_and_read_back(tmp_path, names, exposures_s, size_px):
+    paths = [DATA / name for name in names]
+    if not all(path.exists() for path in paths):
+        pytest.skip(f"{names[0]} is not at hand")
+    recording = import_sources(paths, tmp_path / "r", exposures_s=exposures_s).recording
+    assert recording.size_px == size_px
+    assert all(isinstance(bracket, Bracket) for bracket in recording)
