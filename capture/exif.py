@@ -86,7 +86,7 @@ def _positive(tags: dict[str, Any], name: str) -> float | None:
 
 def _text(tags: dict[str, Any], name: str) -> str:
     values = getattr(tags.get(name), "values", "")
-    return values.strip("\0 ") if isinstance(values, str) else ""
+    return "".join(filter(str.isprintable, values)).strip() if isinstance(values, str) else ""
 
 
 def _camera(tags: dict[str, Any]) -> str:

@@ -91,6 +91,8 @@ def _open(path: Path, *, header_only: bool) -> tuple[dict[str, Any], dict[str, A
     try:
         # Separate channels: the path that joins them to RGB had several memory faults.
         with OpenEXR.File(str(path), separate_channels=True, header_only=header_only) as file:
+            if not file.parts:
+                raise ValueError("its pixels cannot be decoded")
             return dict(file.header()), dict(file.channels())  # closing the file empties its own
     except Exception as error:  # the binding raises whatever its C++ core met, MemoryError included
         reason = (str(error).splitlines() or [type(error).__name__])[0]
@@ -108,7 +110,7 @@ def _crop(path: Path, header: dict[str, Any]) -> tuple[slice, slice]:
     for channel in header["channels"]:
         if (channel.xSampling, channel.ySampling) != (1, 1):
             raise InputError(
-                f"{path}: channel {channel.name} is subsampled; save it at full resolution, as RGB"
+                f"{path}: channel {channel.name!r} is subsampled; save it at full resolution"
             )
     if not (data_x0 <= x0 <= x1 <= data_x1 and data_y0 <= y0 <= y1 <= data_y1):
         raise InputError(

@@ -156,8 +156,9 @@ def _read_exr_picture(path: Path) -> HdrPicture:
         rgb = np.repeat(channels["Y"][..., None], 3, axis=-1)
         notes = ("luminance repeated to grey",)
     else:
-        found = ", ".join(sorted(channels)) or "none"
+        found = sorted(channels)  # shown as a list: names are the file's, and may hold anything
         raise InputError(f"{path}: wanted channels R, G and B (or Y alone), found {found}")
+    scale = file.attributes.get(_SCALE)
     picture = HdrPicture(
         rgb,
         valid=_mask(channels, "valid"),
@@ -167,7 +168,7 @@ def _read_exr_picture(path: Path) -> HdrPicture:
             if channels.keys() >= set(_VARIANCE)
             else None
         ),
-        scale=str(file.attributes.get(_SCALE, RELATIVE)),
+        scale=scale if isinstance(scale, str) else RELATIVE,
         notes=notes,
     )
     return _in_rec709(path, picture, file.attributes.get("chromaticities", REC709))
@@ -196,7 +197,7 @@ def _in_rec709(path: Path, picture: HdrPicture, chromaticities: Sequence[Any]) -
         if are_rec709(xy):
             return picture
         matrix = to_rec709(xy)
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         raise InputError(f"{path}: primaries that are no colours ({error})") from None
     with np.errstate(invalid="ignore", over="ignore"):
         rgb = picture.rgb @ matrix.T.astype(np.float32)

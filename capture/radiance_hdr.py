@@ -136,7 +136,7 @@ def _parse_header(data: bytes) -> tuple[_Layout, NDArray[np.float64]]:
             divisor *= _factors(name.strip(), value)
     encoding = header.setdefault("FORMAT", "32-bit_rle_rgbe")
     if encoding not in ("32-bit_rle_rgbe", "32-bit_rle_xyze"):
-        raise ValueError(f"FORMAT={encoding} is not known; wanted 32-bit_rle_rgbe or _xyze")
+        raise ValueError(f"FORMAT {encoding!r} is not known; wanted 32-bit_rle_rgbe or _xyze")
     return _parse_resolution(data, end.end(), header), divisor
 
 
@@ -169,7 +169,7 @@ def _factors(name: str, value: str) -> NDArray[np.float64]:
         factors = []
     usable = all(math.isfinite(factor) and factor > 0 for factor in factors)
     if not usable or len(factors) != (1 if name == "EXPOSURE" else 3):
-        raise ValueError(f"{name}={value} is not usable; correct or remove that line")
+        raise ValueError(f"{name} {value!r} is not usable; correct or remove that line")
     return np.array(factors)
 
 

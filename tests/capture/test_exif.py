@@ -64,6 +64,11 @@ def test_maker_is_put_before_a_model_that_does_not_name_it(tmp_path: Path) -> No
     assert read_exif(path).camera == "FUJIFILM X-H1"
 
 
+def test_text_of_a_file_holds_nothing_that_steers_a_terminal(tmp_path: Path) -> None:
+    path = photograph(tmp_path, camera={272: "X\x1b[2J\n1"}, lens=" 8\tmm ")
+    assert (read_exif(path).camera, read_exif(path).lens) == ("X[2J1", "8mm")
+
+
 def test_time_zone_is_taken_off(tmp_path: Path) -> None:
     path = photograph(tmp_path, original="2024:06:01 12:00:00", zone="+02:00")
     assert read_exif(path).timestamp_s == NOON - 7200
