@@ -24,7 +24,8 @@ from lighting.environment import EnvironmentMap
 def read_environment(path: Path) -> tuple[EnvironmentMap, Cleaned]:
     """Return a file's environment map fit for use, and what had to be removed from it.
 
-    Cells that are not valid, by the file's mark or for a NaN or infinite value, are 0.
+    NaN and infinite values become cells that are 0 and not valid. Cells that the file marks as not
+    valid hold what they were filled with.
 
     Raises
     ------
@@ -48,7 +49,6 @@ def read_environment(path: Path) -> tuple[EnvironmentMap, Cleaned]:
         radiance = _cells_from_centres(radiance)
         valid = _cells_from_centres(valid.astype(np.float32)) > 1 - 1e-6
         clipped = _cells_from_centres(clipped.astype(np.float32)) > 0
-    radiance = np.where(valid[..., None], radiance, np.float32(0))
     return EnvironmentMap(radiance, valid, clipped, picture.scale), cleaned
 
 
