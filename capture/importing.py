@@ -189,8 +189,8 @@ def _check_pixels(
     for position, photographs in enumerate(progress(brackets, "checking")):
         bracket, sensor = _decode(photographs, position)
         kinds[photographs[0].path] = _kind(bracket.frames[0])
-        check_alike("size", list(kinds), list(kinds.values()))
         warnings += _exposure_warning(bracket, sensor, photographs, given=given)
+    check_alike("size", list(kinds), list(kinds.values()))
     return sensor, bracket.frames[0].size_px, warnings
 
 
@@ -251,58 +251,6 @@ def _relative_difference(frame: Frame, other: Frame) -> float:
         for values in (first - second, first + second)
     )
     return float(2 * difference / total) if total > 0 else 0.0
-
-
-def _exposure_warning(
-    bracket: Bracket, sensor: Sensor, photographs: Sequence[Photograph], *, given: bool
-) -> tuple[str, ...]:
-    """Return what the pixels say against the exposures; given ones are believed, EXIF is not."""
-    try:
-        warning = exposure_warning(bracket, sensor)
-    except InputError as error:
-        if not given:
-            raise InputError(f"{photographs[0].path.parent}: {error}; {HINT}") from None
-        warning = str(error)
-    return (warning,) if warning else ()
-
-
-def _relative_difference(frame: Frame, other: Frame) -> float:
-    """Return the mean difference of two frames over their mean, where they are not both full."""
-    width_px, height_px = frame.size_px
-    blocks = (max(width_px // _BLOCK_PX, 1), max(height_px // _BLOCK_PX, 1))
-    first, second = (
-        cv2.resize(each.counts, blocks, interpolation=cv2.INTER_AREA).astype(np.float64)
-        for each in (frame, other)
-    )
-    is_float = frame.counts.dtype == np.float32
-    full = np.inf if is_float else 0.98 * np.iinfo(frame.counts.dtype).max
-    usable = np.minimum(first, second) < full
-    total = (first + second)[usable].sum()
-    return float(2 * np.abs(first - second)[usable].sum() / total) if total > 0 else 0.0
-
-
-def _exposure_warning(
-    bracket: Bracket, sensor: Sensor, photographs: Sequence[Photograph], *, given: bool
-) -> tuple[str, ...]:
-    """Return what the pixels say against the exposures; given ones are believed, EXIF is not."""
-    try:
-        warning = exposure_warning(bracket, sensor)
-    except InputError as error:
-        if not given:
-            raise InputError(f"{photographs[0].path.parent}: {error}; {HINT}") from None
-        warning = str(error)
-    return (warning,) if warning else ()
-
-
-def _relative_difference(frame: Frame, other: Frame) -> float:
-    width_px, height_px = frame.size_px
-    blocks = (max(width_px // _BLOCK_PX, 1), max(height_px // _BLOCK_PX, 1))
-    first, second = (
-        cv2.resize(each.counts, blocks, interpolation=cv2.INTER_AREA).astype(np.float64)
-        for each in (frame, other)
-    )
-    mean = (first + second).mean() / 2
-    return float(np.abs(first - second).mean() / mean) if mean > 0 else 0.0
 
 
 def _kind(frame: Frame) -> str:
