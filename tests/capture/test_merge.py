@@ -100,12 +100,16 @@ def test_more_than_four_exposures():
     )
 
 
-def test_strided_counts_merge_as_contiguous_ones():
+@pytest.mark.parametrize("strided_count", [1, 3])
+def test_strided_counts_merge_as_contiguous_ones(strided_count):
     rng = np.random.default_rng(2)
-    wide = rng.integers(0, 65536, (3, 8, 20, 3), dtype=np.uint16)
-    strided = merge_bracket(bracket_of(wide[:, ::2, ::-2], [1, 4, 16]), LINEAR_16_BIT)
-    contiguous = merge_bracket(bracket_of(wide[:, ::2, ::-2].copy(), [1, 4, 16]), LINEAR_16_BIT)
-    np.testing.assert_array_equal(strided.radiance, contiguous.radiance)
+    strided = list(rng.integers(0, 65536, (3, 8, 20, 3), dtype=np.uint16)[:, ::2, ::-2])
+    contiguous = [np.ascontiguousarray(counts) for counts in strided]
+    mixed = strided[:strided_count] + contiguous[strided_count:]
+    np.testing.assert_array_equal(
+        merge_bracket(bracket_of(mixed, [1, 4, 16]), LINEAR_16_BIT).radiance,
+        merge_bracket(bracket_of(contiguous, [1, 4, 16]), LINEAR_16_BIT).radiance,
+    )
 
 
 def test_without_read_noise_electrons_over_light_remain():

@@ -6,7 +6,7 @@ Expected : L is a weighted mean of the exposures' own radiances, so it lies betw
            the greatest. At the old place the long exposures outvote the light; at the new one
            they are full and left out, and the shortest saw background: the light is lost in both
            places, and no mark tells. Moving lights want exposures close in time.
-Measured : old place 0.48 (0.4 % of the light), new place 0.2; its flux is lost.
+Measured : old place 0.5 (0.3 % of the light), new place 0.2: its flux is lost.
 """
 
 import numpy as np
