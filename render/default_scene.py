@@ -21,12 +21,10 @@ def sphere(
     centre: tuple[float, float, float], radius_m: float, material: Material, rings: int = 48
 ) -> Mesh:
     """Return a sphere of `rings` × 2 `rings` quads, vertices on the sphere, exact normals."""
-    theta, phi = np.meshgrid(
-        np.linspace(0.0, math.pi, rings + 1), np.linspace(0.0, 2 * math.pi, 2 * rings + 1)
-    )
-    normals = np.stack(
-        [np.sin(theta) * np.sin(phi), np.cos(theta), np.sin(theta) * np.cos(phi)], axis=-1
-    )
+    theta, phi = np.meshgrid(np.linspace(0.0, math.pi, rings + 1), _full_turn(2 * rings))
+    level = np.sin(theta)
+    level[:, -1] = 0.0  # sin π is not, in floating point, and the pole would be a hole
+    normals = np.stack([level * np.sin(phi), np.cos(theta), level * np.cos(phi)], axis=-1)
     faces = _grid_faces(2 * rings, rings)
     return _mesh(np.asarray(centre) + radius_m * normals, normals, faces, material)
 
@@ -39,11 +37,7 @@ def torus(
     segments: int = 96,
 ) -> Mesh:
     """Return a torus that stands upright, its axis along +Z, with exact normals."""
-    around, tube = np.meshgrid(
-        np.linspace(0.0, 2 * math.pi, segments + 1),
-        np.linspace(0.0, 2 * math.pi, segments // 3 + 1),
-        indexing="ij",
-    )
+    around, tube = np.meshgrid(_full_turn(segments), _full_turn(segments // 3), indexing="ij")
     outward = np.stack([np.cos(around), np.sin(around), np.zeros_like(around)], axis=-1)
     normals = np.cos(tube)[..., None] * outward + np.sin(tube)[..., None] * [0.0, 0.0, 1.0]
     positions = np.asarray(centre) + radius_m * outward + tube_radius_m * normals
@@ -88,6 +82,11 @@ def _direction(azimuth_rad: float, elevation_rad: float) -> NDArray[np.float64]:
     return np.array(
         [level * math.sin(azimuth_rad), math.sin(elevation_rad), level * math.cos(azimuth_rad)]
     )
+
+
+def _full_turn(steps: int) -> NDArray[np.float64]:
+    """Angles of a full turn, (steps + 1,); the last is the first, so that the seam closes."""
+    return 2 * math.pi * (np.arange(steps + 1) % steps) / steps
 
 
 def _grid_faces(rows: int, columns: int) -> NDArray[np.int32]:

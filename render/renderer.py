@@ -170,7 +170,6 @@ class Renderer:
         irradiance: NDArray[np.float64],
         radius_rad: NDArray[np.float64],
     ) -> None:
-        assert self._atlas.texture is not None
         size_px = self._atlas.tile_px
         set_uniforms(
             self._shade_program,

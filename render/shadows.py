@@ -9,8 +9,6 @@ clipped and the width of a texel in the world is the same for every light. Recei
 inside: beside the sphere nothing casts, and behind it depth is held at its far side.
 """
 
-import math
-
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +60,7 @@ def world_to_tile(
     b = z * x * a
     across = np.stack([sign + x * x * a, -x, b], axis=-1)
     along = np.stack([sign * b, -sign * z, 1.0 + sign * z * z * a], axis=-1)
-    axes = np.stack([across, along, -directions], axis=1)
+    axes = np.stack([along, across, -directions], axis=1)
     scale = 0.5 / (radius_m * size_px / (size_px - 2 * _BORDER_TEXELS))
     rows = np.empty((len(directions), 3, 4))
     rows[..., :3] = scale * axes
@@ -78,6 +76,9 @@ def texel_width(radius_m: float, size_px: int) -> float:
 class ShadowAtlas:
     """A depth texture with a tile per light, redrawn only for lights whose direction changed.
 
+    A light's tile depends on its place in the list and on the number of lights alone, not on what
+    was drawn before: the same lights give the same bits.
+
     Owns GL objects; the context that made them must be current.
     """
 
@@ -91,8 +92,10 @@ class ShadowAtlas:
         self._closed = self._vertex_array(casters.closed_faces)
         self._open = self._vertex_array(casters.open_faces)
         self.side_px = min(ATLAS_SIDE_PX, context.info["GL_MAX_TEXTURE_SIZE"])
-        self.texture: moderngl.Texture | None = None
-        self._framebuffer: moderngl.Framebuffer | None = None
+        self.texture = context.depth_texture((self.side_px, self.side_px))
+        self.texture.compare_func = "<="
+        self.texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        self._framebuffer = context.framebuffer(depth_attachment=self.texture)
         self.tile_px = 0
         self._drawn = np.empty((0, 3))
 
@@ -104,7 +107,6 @@ class ShadowAtlas:
     def draw(self, directions: NDArray[np.float64]) -> int:
         """Make the maps of up to `capacity` lights current; return how many had to be drawn."""
         self._lay_out(len(directions))
-        assert self._framebuffer is not None
         changed = np.flatnonzero(np.any(self._drawn[: len(directions)] != directions, axis=1))
         rows = world_to_tile(directions[changed], self.centre, self.radius_m, self.tile_px)
         origins = self._tile_origins(len(directions))[changed]
@@ -127,10 +129,8 @@ class ShadowAtlas:
 
     def tiles(self, count: int) -> NDArray[np.float64]:
         """Origin (x, y) and width of the first `count` tiles in texture coordinates, (count, 3)."""
-        assert self.texture is not None
-        width = self.texture.width
-        origins = self._tile_origins(count) / width
-        return np.column_stack([origins, np.full(count, self.tile_px / width)])
+        tiles = np.column_stack([self._tile_origins(count), np.full(count, self.tile_px)])
+        return tiles / self.side_px
 
     def release(self) -> None:
         """Free the GL objects."""
@@ -154,21 +154,12 @@ class ShadowAtlas:
         )
 
     def _tile_origins(self, count: int) -> NDArray[np.intp]:
-        assert self.texture is not None
-        rows, columns = np.divmod(np.arange(count), self.texture.width // self.tile_px)
+        rows, columns = np.divmod(np.arange(count), self.side_px // self.tile_px)
         return np.stack([columns, rows], axis=-1) * self.tile_px
 
     def _lay_out(self, count: int) -> None:
-        """Choose the size of tiles and texture for `count` lights; a change forgets all maps."""
+        """Choose the width of tiles for `count` lights; another width forgets all maps."""
         tile_px = tile_size(count, self.side_px)
-        columns = min(math.ceil(math.sqrt(count)), self.side_px // tile_px)
-        side_px = max(columns, 1) * tile_px
-        if self.texture is not None and self.texture.width >= side_px and tile_px == self.tile_px:
-            return
-        release(self._context, self._framebuffer, self.texture)
-        self.tile_px = tile_px
-        self.texture = self._context.depth_texture((side_px, side_px))
-        self.texture.compare_func = "<="
-        self.texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
-        self._framebuffer = self._context.framebuffer(depth_attachment=self.texture)
-        self._drawn = np.full(((side_px // tile_px) ** 2, 3), np.nan)
+        if tile_px != self.tile_px:
+            self.tile_px = tile_px
+            self._drawn = np.full(((self.side_px // tile_px) ** 2, 3), np.nan)

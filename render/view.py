@@ -26,14 +26,18 @@ def to_display(radiance: NDArray[np.floating], exposure_ev: float) -> NDArray[np
     Returns
     -------
     (H, W, 3) uint8
-        The coded value is exact up to 0.8 linear. Above, each channel by itself follows a hyperbola
-        of the same slope that approaches 1, so that highlights keep their shading and turn white.
+        Exact up to 0.8 linear; above, `roll_off` in each channel by itself, so that highlights
+        turn white.
     """
     exposed = radiance[..., :3].astype(np.float32) * np.float32(2.0**exposure_ev)
-    excess = np.maximum(exposed - SHOULDER, 0) / (1 - SHOULDER)
+    return np.rint(255 * srgb_encode(roll_off(exposed))).astype(np.uint8)
+
+
+def roll_off(linear: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Values as they are up to 0.8, then along a hyperbola of the same slope that approaches 1."""
+    excess = np.maximum(linear - SHOULDER, 0) / (1 - SHOULDER)
     # 1 − 1/(1 + x) is x/(1 + x) without its ∞/∞.
-    rolled = np.minimum(exposed, SHOULDER) + (1 - SHOULDER) * (1 - 1 / (1 + excess))
-    return np.rint(255 * srgb_encode(rolled)).astype(np.uint8)
+    return np.minimum(linear, SHOULDER) + (1 - SHOULDER) * (1 - 1 / (1 + excess))
 
 
 def auto_exposure_ev(radiance: NDArray[np.floating]) -> float:

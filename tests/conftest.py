@@ -1,0 +1,23 @@
+"""What tests of every stage may ask for: `ctx`, the OpenGL context of this process."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def _context() -> Iterator[Any]:
+    # Without EGL this fails, with the line that installs it; deselect with -m "not gl".
+    from render.gl import create_context
+
+    with create_context() as context:
+        yield context
+
+
+@pytest.fixture
+def ctx(_context: Any) -> Iterator[Any]:
+    """Return the context, in which neither an earlier test nor this one has left an error."""
+    assert _context.error == "GL_NO_ERROR"
+    yield _context
+    assert _context.error == "GL_NO_ERROR"

@@ -1,0 +1,72 @@
+"""The `render` command."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from capture.errors import InputError
+from capture.exr import read_exr
+from capture.pictures import read_picture
+from lighting.environment import EnvironmentMap
+from lighting.environment_files import write_environment
+from lighting.light_files import write_lights
+from render.render_cli import parse_exposure, parse_size, render
+from tests.render.light_sets import random_lights
+
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+@pytest.fixture
+def lights(tmp_path):
+    write_lights(tmp_path / "lights.json", random_lights(4, seed=0))
+    return tmp_path / "lights.json"
+
+
+@pytest.mark.gl
+def test_a_picture_of_the_default_scene(tmp_path, lights, capsys):
+    output = tmp_path / "p.png"
+    render(lights=lights, output=output, size="64x48")
+    picture = read_picture(output)
+    assert picture.shape == (48, 64, 3)
+    # Auto exposure: the log-mean of the scene is middle grey, code 118.
+    assert 60 < np.median(picture) < 180
+    printed = capsys.readouterr().out
+    assert "4 lights" in printed
+    assert printed.count("\n") == 1
+
+
+@pytest.mark.gl
+def test_a_mesh_in_front_of_a_map_as_radiance(tmp_path, lights):
+    (tmp_path / "m.obj").write_text(OBJ)
+    seen = np.ones((8, 16), bool)
+    sky = EnvironmentMap(np.full((8, 16, 3), 7.0, np.float32), seen, ~seen)
+    write_environment(tmp_path / "map.exr", sky)
+    output = tmp_path / "p.exr"
+    arguments = {"lights": lights, "mesh": tmp_path / "m.obj", "background": tmp_path / "map.exr"}
+    render(output=output, size="40x30", **arguments)
+    channels = read_exr(output).channels
+    background = channels["A"] == 0
+    assert background.any()
+    assert_array_equal(channels["R"][background], 7)
+    with pytest.raises(InputError, match="--force"):
+        render(output=output, **arguments)
+
+
+@pytest.mark.parametrize("text", ["", "640", "640x", "-4x3", "0x10", "10x99999", "4 x 3", "ax3"])
+def test_sizes_that_are_none(text):
+    with pytest.raises(InputError):
+        parse_size(text)
+
+
+def test_sizes_and_exposures():
+    assert parse_size("640x480") == (640, 480)
+    assert parse_exposure("auto") is None
+    assert parse_exposure("-1.5") == -1.5
+    for text in ("bright", "nan", "inf", "1e9"):
+        with pytest.raises(InputError, match="exposure"):
+            parse_exposure(text)
+
+
+def test_a_wrong_suffix_is_refused_before_any_work(tmp_path):
+    with pytest.raises(InputError, match=r"\.png or \.exr"):
+        render(lights=tmp_path / "missing.json", output=tmp_path / "p.jpeg")

@@ -1,0 +1,270 @@
+"""The renderer against closed forms, its own laws, and a brute-force shading of the same scene."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from capture.errors import InputError
+from lighting.environment import EnvironmentMap
+from lighting.latlong import cell_directions
+from lighting.light_set import LightSet
+from render.default_scene import sphere
+from render.gl import is_software
+from render.renderer import BATCH, Renderer, reaching_lights
+from render.scene import Camera, Ground, Material, Mesh, Scene
+from tests.render.brute_force import SphereScene, trace
+from tests.render.light_sets import one_light, random_lights, scaled, selected, uniform_lights
+
+pytestmark = pytest.mark.gl
+
+REFLECTANCE = (0.8, 0.5, 0.2)
+FROM_ABOVE = Camera(np.array([0.0, 3.0, 4.0]), np.zeros(3), math.radians(40), (80, 60))
+MATT = Material((0.6, 0.6, 0.6), specular=0.0)
+GLOSSY = Material((0.7, 0.5, 0.3), roughness=0.4)
+BALL = SphereScene((0.0, 0.5, 0.0), 0.5, GLOSSY, Ground(0.0, REFLECTANCE, 20.0))
+BALL_CAMERA = Camera(np.array([1.0, 1.2, 2.5]), np.array([0.0, 0.4, 0.0]), 0.7, (120, 90))
+
+
+def ball_mesh(scene, rings=64):
+    return sphere(scene.centre, scene.radius_m, scene.material, rings)
+
+
+def ball_scene(scene=BALL, rings=64):
+    return Scene((ball_mesh(scene, rings),), scene.ground)
+
+
+def picture(ctx, scene, camera, lights, samples_per_axis=1, background=None):
+    with Renderer(ctx, scene, camera, samples_per_axis) as renderer:
+        return renderer.render(lights, background)
+
+
+def relative_rmse(result, truth):
+    return math.sqrt(np.mean((result - truth) ** 2) / np.mean(truth**2))
+
+
+@pytest.mark.parametrize("zenith_rad", [0.0, 0.5, 1.2, 1.55])
+def test_ground_under_one_light_is_rho_over_pi_times_irradiance_times_cosine(ctx, zenith_rad):
+    light = one_light((math.sin(zenith_rad), math.cos(zenith_rad), 0.0), (2.0, 3.0, 5.0))
+    result = picture(ctx, Scene((), Ground(0.0, REFLECTANCE)), FROM_ABOVE, light)
+    expected = np.array(REFLECTANCE) / math.pi * [2, 3, 5] * math.cos(zenith_rad)
+    assert_allclose(result[..., :3], np.broadcast_to(expected, (60, 80, 3)), rtol=2e-6)
+    assert_array_equal(result[..., 3], 1)
+
+
+def test_without_lights_the_scene_is_black_and_there(ctx):
+    nothing = LightSet(np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
+    result = picture(ctx, ball_scene(), BALL_CAMERA, nothing)
+    assert_array_equal(result[..., :3], 0)
+    assert result[..., 3].max() == 1
+
+
+def test_lights_at_or_below_the_horizon_reach_a_scene_without_ground_only(ctx):
+    for direction in ((0.6, -0.8, 0.0), (1.0, 0.0, 0.0)):
+        light = one_light(direction)
+        assert_array_equal(picture(ctx, ball_scene(), BALL_CAMERA, light)[..., :3], 0)
+        floating = ball_scene(replace(BALL, ground=None))
+        assert picture(ctx, floating, BALL_CAMERA, light)[..., :3].max() > 0.01
+
+
+def test_lights_without_power_are_left_out():
+    lights = LightSet(np.tile([0.0, 1.0, 0.0], (2, 1)), np.array([[0, 0, 0], [0, 1, 0]]), [0, 0])
+    directions, irradiance, radius_rad = reaching_lights(lights, Scene((), Ground()))
+    assert len(directions) == len(radius_rad) == 1
+    assert_array_equal(irradiance, [[0, 1, 0]])
+
+
+def test_furnace_a_white_matt_sphere_vanishes_in_uniform_light(ctx):
+    # Outgoing radiance is ρ/π ∫ L cos dω = ρ L. 1024 lights sum the cosine to 0.3 %; where the
+    # terminator of a light crosses, its shadow map adds as much.
+    white = SphereScene((0, 0, 0), 1.0, Material((1, 1, 1), specular=0.0), None)
+    camera = Camera(np.array([0.0, 1.0, 4.0]), np.zeros(3), 0.7, (80, 60))
+    result = picture(ctx, ball_scene(white, rings=32), camera, uniform_lights(1024))
+    inside = result[result[..., 3] == 1][:, :3]
+    assert len(inside) > 1000
+    assert abs(inside.mean() - 1) < 0.002
+    assert np.abs(inside - 1).max() < 0.01
+
+
+@pytest.mark.parametrize(
+    ("material", "lights"),
+    [
+        (MATT, one_light((1.0, 1.0, 0.5))),
+        (GLOSSY, random_lights(8, seed=3)),
+        (Material((0.9, 0.6, 0.3), roughness=0.3, metalness=1.0), random_lights(8, seed=4)),
+        (Material((0.4, 0.5, 0.9), roughness=0.7, metalness=0.5), random_lights(16, seed=5)),
+    ],
+    ids=["matt", "glossy", "metal", "half-metal"],
+)
+def test_agrees_with_brute_force(ctx, material, lights):
+    scene = replace(BALL, material=material)
+    result = picture(ctx, ball_scene(scene), BALL_CAMERA, lights, samples_per_axis=2)
+    truth = trace(scene, BALL_CAMERA, lights, samples_per_axis=2)
+    error = np.abs(result - truth)[..., :3].max(axis=-1) / truth[..., :3].mean()
+    # All pixels, silhouettes and the edges of shadows included.
+    assert relative_rmse(result[..., :3], truth[..., :3]) < 0.02
+    assert np.abs(result[..., 3] - truth[..., 3]).mean() < 1e-3
+    # Away from those edges the two agree to rounding; near them a polyhedron stands for the sphere
+    # and a texel for a point.
+    assert np.median(error) < 1e-5
+    assert np.mean(error > 0.01) < 0.05
+
+
+def test_the_order_of_lights_does_not_matter(ctx):
+    lights = random_lights(20, seed=1)
+    shuffled = selected(lights, np.random.default_rng(0).permutation(20))
+    with Renderer(ctx, ball_scene(), BALL_CAMERA) as renderer:
+        error = np.abs(renderer.render(shuffled) - renderer.render(lights))
+    # In another tile of the atlas, coordinates round differently: by a 256th in a shadow's edge.
+    assert np.median(error) < 1e-7
+    assert error.max() < 0.01
+
+
+def test_linear_in_irradiance(ctx):
+    lights = random_lights(5, seed=2)
+    with Renderer(ctx, ball_scene(), BALL_CAMERA) as renderer:
+        once, fourfold = renderer.render(lights), renderer.render(scaled(lights, 4.0))
+    assert_array_equal(fourfold[..., :3], 4 * once[..., :3])
+
+
+def test_a_light_more_than_a_batch_adds_itself(ctx):
+    lights = random_lights(BATCH + 1, seed=6)
+    scene = Scene((), Ground(0.0, REFLECTANCE))
+    with Renderer(ctx, scene, FROM_ABOVE) as renderer:
+        together = renderer.render(lights)
+        parts = [
+            renderer.render(selected(lights, part))[..., :3]
+            for part in (slice(0, BATCH), slice(BATCH, None))
+        ]
+    assert_allclose(together[..., :3], parts[0] + parts[1], rtol=1e-6)
+
+
+def test_more_lights_than_the_atlas_holds_take_turns(ctx):
+    # 1024 fit; the others are drawn over them, and the sum is that of both parts.
+    lights = random_lights(1100, seed=7)
+    camera = replace(BALL_CAMERA, size_px=(40, 30))
+    with Renderer(ctx, ball_scene(rings=12), camera) as renderer:
+        together = renderer.render(lights)
+        first = renderer.render(selected(lights, slice(0, 1024)))
+        # Also 128 px wide, as in the turn of 1100.
+        rest = together - first
+        again = renderer.render(lights)
+    alone = trace(BALL, camera, selected(lights, slice(1024, None)))
+    assert_array_equal(again, together)
+    assert relative_rmse(rest[..., :3], alone[..., :3]) < 0.1
+
+
+def test_same_bits_from_kept_and_from_new_maps(ctx):
+    if not is_software(ctx):
+        pytest.skip("only llvmpipe promises the same bits twice")
+    first, second = random_lights(12, seed=8), random_lights(7, seed=9)
+    with Renderer(ctx, ball_scene(), BALL_CAMERA) as renderer:
+        before = renderer.render(first)
+        other = renderer.render(second)
+        after = renderer.render(first)
+    assert_array_equal(after, before)
+    assert_array_equal(picture(ctx, ball_scene(), BALL_CAMERA, second), other)
+
+
+def test_a_pixel_is_the_mean_of_its_samples(ctx):
+    lights = random_lights(3, seed=10)
+    double = replace(BALL_CAMERA, size_px=(240, 180))
+    fine = picture(ctx, ball_scene(), double, lights)
+    coarse = picture(ctx, ball_scene(), BALL_CAMERA, lights, samples_per_axis=2)
+    expected = fine.reshape(90, 2, 120, 2, 4).mean(axis=(1, 3))
+    assert_allclose(coarse, expected, rtol=1e-5, atol=1e-7)
+    assert 0 < np.mean((coarse[..., 3] > 0) & (coarse[..., 3] < 1)) < 0.05
+
+
+def test_the_background_stands_where_the_world_has_it(ctx):
+    # Radiance that is linear in direction, so that bilinear look-up adds next to nothing.
+    directions = cell_directions(128)
+    radiance = (2 + directions).astype(np.float32)
+    seen = np.ones((128, 256), bool)
+    background = EnvironmentMap(radiance, seen, ~seen)
+    nothing = LightSet(np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
+    tiny = Scene((sphere((0, 0, 0), 1e-3, MATT, 8),), None)
+    for eye in ((0, 0, 4.0), (4.0, 0.5, 0.1), (0.3, -4.0, 0.2), (-2.0, 2.0, -2.0)):
+        camera = Camera(np.array(eye), np.zeros(3), 1.2, (32, 24))
+        result = picture(ctx, tiny, camera, nothing, background=background)
+        corner = result[0, 0]
+        assert corner[3] == 0
+        across, up = camera.half_extent()
+        right, upward, backward = camera.axes()
+        direction = -backward - across * 31 / 32 * right + up * 23 / 24 * upward
+        direction /= np.linalg.norm(direction)
+        assert_allclose(corner[:3], 2 + direction, atol=2e-3)
+
+
+def test_the_extent_of_a_light_widens_its_highlight(ctx):
+    # α² + r²/8: a point light on roughness 0.5 (α² = 1/16) shines as one of 0.5 rad radius on α² =
+    # 1/32.
+    def metal(alpha2):
+        material = Material((0.9, 0.9, 0.9), roughness=alpha2**0.25, metalness=1.0)
+        return ball_scene(replace(BALL, material=material, ground=None))
+
+    wide = picture(ctx, metal(1 / 32), BALL_CAMERA, one_light((1, 1, 1), angular_radius_rad=0.5))
+    rough = picture(ctx, metal(1 / 16), BALL_CAMERA, one_light((1, 1, 1)))
+    assert_allclose(wide, rough, rtol=1e-4, atol=1e-5)
+    assert wide.max() > 0.1
+
+
+def test_winding_and_the_sign_of_normals_do_not_matter(ctx):
+    mesh = ball_mesh(BALL)
+    inside_out = replace(mesh, faces=mesh.faces[:, ::-1], normals=-mesh.normals)
+    lights = random_lights(4, seed=11)
+    pictures = [
+        picture(ctx, Scene((part,), BALL.ground), BALL_CAMERA, lights)
+        for part in (mesh, inside_out)
+    ]
+    # Only the order in which a triangle's corners are interpolated differs.
+    error = np.abs(pictures[0] - pictures[1]).max(axis=-1)
+    assert np.mean(error > 1e-4) < 0.002
+
+
+def quad(material, **attributes):
+    """Upright unit square that faces +Z, its texture upright."""
+    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
+    normals = np.tile(np.float32([0, 0, 1]), (4, 1))
+    faces = np.int32([[0, 1, 2], [0, 2, 3]])
+    return Mesh(corners, normals, faces, material, **attributes)
+
+
+FRONT = Camera(np.array([0.5, 0.5, 3.0]), np.array([0.5, 0.5, 0.0]), 0.2, (16, 16))
+
+
+def test_a_texture_is_decoded_and_upright(ctx):
+    # sRGB 188 of 255 is 0.503 linear; its corner at u = 0, v = 1 is red.
+    texture = np.full((16, 16, 3), 188, np.uint8)
+    texture[:8, :8] = (255, 0, 0)
+    material = Material((1, 1, 1), specular=0.0, base_colour_texture=texture)
+    coordinates = np.float32([[0, 0], [1, 0], [1, 1], [0, 1]])
+    scene = Scene((quad(material, texture_coordinates=coordinates),), None)
+    result = math.pi * picture(ctx, scene, FRONT, one_light((0, 0, 1)))
+    assert_allclose(result[2, 2, :3], [1, 0, 0], atol=1e-3)
+    assert_allclose(result[13, 13, :3], 0.5029, atol=2e-3)
+
+
+def test_vertex_colours_are_interpolated_linearly(ctx):
+    colour = np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    scene = Scene((quad(Material((1, 1, 1), specular=0.0), vertex_colour=colour),), None)
+    result = math.pi * picture(ctx, scene, FRONT, one_light((0, 0, 1)))
+    half = 3 * math.tan(0.1)
+    x = 0.5 + half * (np.arange(16) + 0.5 - 8) / 8
+    assert_allclose(result[5, :, 0], x, atol=1e-3)
+    assert_allclose(result[:, 5, 1], x[::-1], atol=1e-3)
+
+
+def test_too_large_a_picture_is_refused_with_the_limit(ctx):
+    camera = replace(BALL_CAMERA, size_px=(20_000, 10))
+    with pytest.raises(InputError, match="20000x10"):
+        Renderer(ctx, ball_scene(), camera)
+
+
+def test_a_renderer_can_follow_another(ctx):
+    lights = random_lights(2, seed=12)
+    for _ in range(3):
+        assert picture(ctx, ball_scene(rings=8), BALL_CAMERA, lights).max() > 0
+        assert ctx.error == "GL_NO_ERROR"

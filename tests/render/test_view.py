@@ -1,0 +1,70 @@
+"""The display transform."""
+
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from render.view import SHOULDER, auto_exposure_ev, roll_off, srgb_encode, to_display
+
+
+def test_the_curve_is_that_of_colour_science():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that scipy is absent
+        colour = pytest.importorskip("colour")
+    linear = np.linspace(0, 1, 4097)
+    expected = colour.cctf_encoding(linear, function="sRGB")
+    assert_allclose(srgb_encode(linear), expected, atol=1e-12)
+
+
+def test_below_the_shoulder_only_exposure_and_curve_act():
+    linear = np.linspace(0, SHOULDER / 2, 333).reshape(1, 111, 3)
+    difference = to_display(linear, 1.0) - np.rint(255 * srgb_encode(2 * linear))
+    # In float32 a value in the middle between two codes may go either way.
+    assert np.abs(difference).max() <= 1
+    assert np.count_nonzero(difference) <= 2
+
+
+def test_known_values():
+    # Middle grey 0.18 → 0.4614; linear 0 and ∞.
+    picture = np.array([[[0.18, 0.0, np.inf]]], np.float32)
+    assert_array_equal(to_display(picture, 0.0), [[[118, 0, 255]]])
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.lists(st.floats(0, 1e6, width=32), min_size=2, max_size=50), st.floats(-10, 10))
+def test_brighter_is_never_darker(values, exposure_ev):
+    ramp = np.repeat(np.sort(np.float32(values))[None, :, None], 3, axis=2)
+    assert np.all(np.diff(to_display(ramp, exposure_ev).astype(int), axis=1) >= 0)
+
+
+def test_the_shoulder_starts_smoothly_and_ends_at_white():
+    step = 1e-4
+    levels = SHOULDER + step * np.arange(-3, 4)
+    assert_allclose(np.diff(roll_off(levels)), step, rtol=2e-3)
+    assert_array_equal(roll_off(levels[:3]), levels[:3])
+    # One shoulder's width above it, half of the way to white is done.
+    assert_allclose(roll_off(np.array([1.0])), (SHOULDER + 1) / 2)
+    assert_array_equal(roll_off(np.array([np.inf])), 1)
+
+
+@pytest.mark.parametrize("level", [1e-4, 0.18, 3e5])
+def test_auto_exposure_brings_an_even_picture_to_middle_grey(level):
+    picture = np.full((4, 5, 4), level)
+    picture[..., 3] = 1
+    assert_allclose(level * 2 ** auto_exposure_ev(picture), 0.18)
+
+
+def test_auto_exposure_looks_at_the_scene_not_at_the_background():
+    picture = np.full((4, 5, 4), 0.18)
+    picture[..., 3] = 1
+    picture[:2] = [1e5, 1e5, 1e5, 0]
+    picture[2, 0] = [0, 0, 0, 1]
+    assert abs(auto_exposure_ev(picture)) < 1e-6
+
+
+def test_a_black_picture_is_left_alone():
+    assert auto_exposure_ev(np.zeros((3, 3, 4))) == 0
