@@ -2,9 +2,9 @@
 
 Domain : relative radiance L; a pixel's expected linear value is L · Exposure.signal.
 Input  : Bracket and Sensor.    Output : RadianceImage.
-Cost   : 3 exposures of 1024² 8-bit pixels take about 6 ms on two cores; a 16-bit response table
-         adds some milliseconds that do not depend on the size. The first call for a count type
-         compiles for a few seconds; the result is cached on disk.
+Cost   : 3 exposures of 1024² 8-bit pixels take 10 ms of one core, shared among all; a 16-bit
+         response table adds 2 ms whatever the size. The first call for a count type compiles for
+         some 3 s; the result is cached on disk.
 Fails  : where the scene or the camera moved between the exposures, the merge mixes both; where
          an exposure is mislabelled, radiance steps at its saturation (capture.exposure_check).
 """

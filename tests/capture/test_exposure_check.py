@@ -52,6 +52,15 @@ def test_a_wrong_label_is_measured_in_both_its_pairs(error_ev):
     assert "and 3.0 EV by their pixels" in exposure_warning(bracket, LINEAR_16_BIT)
 
 
+def test_shadows_of_mere_noise_have_no_say():
+    rng = np.random.default_rng(4)
+    radiance = np.full((80, 120, 3), 1e-5)
+    radiance[:10] = rng.uniform(0.05, 0.9, (10, 120, 3))
+    for sensor in (SRGB_8_BIT, LINEAR_16_BIT):
+        bracket = record(radiance, [Exposure(time_s) for time_s in TIMES_S], sensor, rng)
+        np.testing.assert_allclose(exposure_disagreement_ev(bracket, sensor), 0, atol=0.1)
+
+
 def test_gain_and_aperture_count_as_exposure():
     exposures = [Exposure(1 / 64, 1.0, 2.0), Exposure(1 / 64, 8.0, 2.0), Exposure(1.0, 4.0, 4.0)]
     bracket = relabelled(recorded(LINEAR_16_BIT), exposures)
@@ -84,7 +93,7 @@ def test_frames_without_common_pixels_give_no_figure():
 
 def test_float_frames_compare_without_a_sensor_model():
     values = np.random.default_rng(3).uniform(0, 5, (30, 30, 3)).astype(np.float32)
-    values[0, 0] = np.nan, -1.0, np.inf
+    values[0, :2] = [[np.nan, -1.0, np.inf], [0.0, 0.0, 0.0]]
     bracket = Bracket((Frame(values, Exposure(1.0)), Frame(3 * values, Exposure(2.0))))
     expected = np.log2(3 / 2)
     np.testing.assert_allclose(exposure_disagreement_ev(bracket, SRGB_8_BIT), expected, atol=1e-6)
