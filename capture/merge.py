@@ -42,7 +42,7 @@ def merge_bracket(bracket: Bracket, sensor: Sensor) -> RadianceImage:
     The pilot is the estimator of Hanji, Zhong and Mantiuk, "Noise-Aware Merging of High Dynamic
     Range Image Stacks without Camera Calibration" (2020). Where photon noise dominates, the
     result equals it; in deep shadow, a thousandth of the longest exposure's range, its rms error is
-    15 to 30 % smaller, and short exposures that the camera cut off at black no longer lift it
+    15 to 30 % smaller, and short exposures that the camera cut off at black hardly lift it
     (tests/limits/test_merge_deep_shadow.py).
 
     Only the sum is cut off at 0, never a term: noise around black averages out.
