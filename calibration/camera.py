@@ -81,7 +81,7 @@ class ImageCircle:
             raise InputError(f"image_circle radius_px must be positive, got {self.radius_px}")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Calibration:
     """All that is known about how a camera sees directions.
 

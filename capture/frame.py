@@ -52,7 +52,7 @@ class Exposure:
         return self.light * self.gain
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Frame:
     """One exposure of the sensor.
 

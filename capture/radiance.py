@@ -11,7 +11,7 @@ RELATIVE = "relative"
 """Scale of radiance without an absolute calibration."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RadianceImage:
     """Linear Rec.709 radiance of a camera picture.
 
@@ -56,7 +56,7 @@ class RadianceImage:
         return self.radiance.shape[1], self.radiance.shape[0]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Cleaned:
     """Radiance fit for use, and how much of it was not.
 

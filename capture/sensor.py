@@ -14,7 +14,7 @@ from numpy.typing import DTypeLike, NDArray
 from capture.arrays import read_only
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sensor:
     """Black and white level, response and noise of one camera.
 

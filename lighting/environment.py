@@ -13,7 +13,7 @@ LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
 """Luminance of linear Rec.709 red, green and blue (ITU-R BT.709-6, item 3.2)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EnvironmentMap:
     """Linear Rec.709 radiance on the lat-long grid (CONVENTIONS.md).
 

@@ -9,7 +9,7 @@ from capture.arrays import read_only
 from capture.radiance import RELATIVE
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LightSet:
     """Distant lights that stand for an environment map.
 
