@@ -44,7 +44,7 @@ def test_brighter_is_never_darker(values, exposure_ev):
 def test_the_shoulder_starts_smoothly_and_ends_at_white():
     step = 1e-4
     levels = SHOULDER + step * np.arange(-3, 4)
-    assert_allclose(np.diff(roll_off(levels)), step, rtol=2e-3)
+    assert_allclose(np.diff(roll_off(levels)), step, rtol=5e-3)
     assert_array_equal(roll_off(levels[:3]), levels[:3])
     # One shoulder's width above it, half of the way to white is done.
     assert_allclose(roll_off(np.array([1.0])), (SHOULDER + 1) / 2)
