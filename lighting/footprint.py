@@ -108,11 +108,11 @@ def pixel_footprint(  # type: ignore[no-untyped-def]
     by = 0.5 * (c10[1] - c00[1] + c11[1] - c01[1]) * per_rad
     bz = 0.5 * (c10[2] - c00[2] + c11[2] - c01[2]) * per_rad
     extent = math.sqrt(max(ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz))
-    pole_distance = math.hypot(c00[0] + c11[0], c00[2] + c11[2]) / 2 * per_rad
+    from_pole = math.hypot(c00[0] + c11[0], c00[2] + c11[2]) / 2  # sin θ
     splits = 1 if extent <= fine_extent else 2
-    if 1.0 < extent < 2.0:  # two samples would leave more than half a cell between them
-        splits = 3
-    if pole_distance < _POLE_EXTENTS * max(extent, 1.0):
+    if 1.2 * from_pole < extent < 2.0 * from_pole:
+        splits = 3  # two samples would leave up to a whole column between them
+    if from_pole * per_rad < _POLE_EXTENTS * max(extent, 1.0):
         splits = 4
 
     count = 0

@@ -24,10 +24,11 @@ from lighting.environment import EnvironmentMap
 from lighting.footprint import BAND_PARTS, add_band, count_entries, fill_entries, row_balance
 from lighting.latlong import solid_angles
 
-_FULL = 0.9
+_FULL = 0.8
 """Share of a cell that pixels must cover for it to be taken as covered whole: below it the cell
 lies on the edge of the picture, above it the difference to 1 is the unevenness of sampling."""
 _BALANCE_ROUNDS = 8
+_RIM_HALVINGS = 12
 _OPERATOR_PX = 8_000_000
 """Largest picture for which a whole operator is built on the way."""
 _BAND_PX = 1_000_000
@@ -196,14 +197,32 @@ def _pixel_grid(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Return directions (h + 1, W + 1, 3) of the corners of rows, and which pixels are seen (h, W).
 
-    A pixel is seen if its centre is, and the lens model knows a direction for each corner.
+    A pixel is seen if its centre is. Where the lens model ends between the centre and a corner (the
+    outline of a mirror ball, whose last pixels span many degrees), the corner is pulled inward.
     """
     width = calibration.image_size_px[0]
-    corners, _ = calibration.unproject(_pixels(width + 1, first_row, last_row + 1) - 0.5)
-    _, seen = calibration.unproject(_pixels(width, first_row, last_row))
-    known = np.asarray(np.isfinite(corners).all(axis=-1))
-    known = known[:-1, :-1] & known[:-1, 1:] & known[1:, :-1] & known[1:, 1:]
-    return corners, seen & known
+    corner_px = _pixels(width + 1, first_row, last_row + 1) - 0.5
+    centre_px = _pixels(width, first_row, last_row)
+    corners, _ = calibration.unproject(corner_px)
+    _, seen = calibration.unproject(centre_px)
+    unknown = ~np.isfinite(corners).all(axis=-1)
+    if unknown.any():
+        counts = _sum_at_corners(seen[..., None].astype(np.float64))
+        unknown &= counts[..., 0] > 0
+        inside = (_sum_at_corners(centre_px * seen[..., None])[unknown]) / counts[unknown]
+        outside = corner_px[unknown]
+        for _ in range(_RIM_HALVINGS):
+            middle = (inside + outside) / 2
+            known = np.isfinite(calibration.unproject(middle)[0]).all(axis=-1, keepdims=True)
+            inside, outside = np.where(known, middle, inside), np.where(known, outside, middle)
+        corners[unknown] = calibration.unproject(inside)[0]
+    return corners, np.asarray(seen)
+
+
+def _sum_at_corners(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the sum of pixel values (h, W, k) around each corner, (h + 1, W + 1, k)."""
+    padded = np.pad(values, ((1, 1), (1, 1), (0, 0)))
+    return padded[:-1, :-1] + padded[:-1, 1:] + padded[1:, :-1] + padded[1:, 1:]
 
 
 def _pixels(width: int, first_row: int, last_row: int) -> NDArray[np.float64]:
@@ -270,9 +289,9 @@ def _product(tasks, starts, pixels, weights, wanted, radiance):  # type: ignore[
     for task in prange(len(tasks) - 1):
         for i in range(tasks[task], tasks[task + 1]):
             if wanted[i]:
-                red = green = blue = np.float32(0.0)
+                red = green = blue = 0.0
                 for k in range(starts[i], starts[i + 1]):
-                    p, weight = pixels[k], weights[k]
+                    p, weight = pixels[k], np.float64(weights[k])
                     red += weight * radiance[p, 0]
                     green += weight * radiance[p, 1]
                     blue += weight * radiance[p, 2]
@@ -293,11 +312,11 @@ def _marked_product(  # type: ignore[no-untyped-def]
     clipped = np.zeros(cell_count, np.bool_)
     for task in prange(len(tasks) - 1):
         for i in range(tasks[task], tasks[task + 1]):
-            red = green = blue = share = np.float32(0.0)
+            red = green = blue = share = 0.0
             for k in range(starts[i], starts[i + 1]):
                 p = pixels[k]
                 if pixel_valid[p]:
-                    weight = weights[k]
+                    weight = np.float64(weights[k])
                     red += weight * radiance[p, 0]
                     green += weight * radiance[p, 1]
                     blue += weight * radiance[p, 2]
