@@ -63,8 +63,11 @@ def read_video(path: Path) -> Iterator[VideoFrame]:
     """
     check_file(path)
     try:
-        # Playlists name further files and addresses; only this file is to be read.
-        with av.open(f"file:{path}", options={"protocol_whitelist": "file"}) as container:
+        # Playlists name further files and addresses: without a protocol only this file is read.
+        with (
+            path.open("rb") as file,
+            av.open(file, "r", options={"protocol_whitelist": "none"}) as container,
+        ):
             if not container.streams.video:
                 raise UnreadableFrame(f"{path}: holds no picture stream")
             yield from _frames(path, container)

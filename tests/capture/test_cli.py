@@ -117,6 +117,13 @@ def test_outputs_are_replaced_only_by_force(tmp_path, photos):
     assert len(open_recording(tmp_path / "r")) == 2
 
 
+def test_an_existing_output_is_refused_before_the_merge(tmp_path, photos, monkeypatch):
+    (tmp_path / "a.exr").write_text("older")
+    monkeypatch.setattr("capture.cli.merge_bracket", None)  # calling it would be an error
+    with pytest.raises(InputError, match="--force"):
+        run("merge", photos, "-o", tmp_path / "a.exr")
+
+
 def test_inspect_shows_the_rest_and_then_fails_on_a_damaged_frame(tmp_path, photos, capsys):
     run("import", photos, "-o", tmp_path / "r")
     (tmp_path / "r" / "frames" / "000001.jpg").unlink()

@@ -11,6 +11,7 @@ from capture.errors import InputError, UnreadableFrame
 from capture.frame import Bracket, Exposure
 from capture.importing import import_sources, read_photo_bracket
 from capture.radiance_files import write_hdr
+from capture.video import VideoFrame
 from tests.capture.photo_files import DATA, scene_picture, write_photograph
 
 
@@ -168,6 +169,15 @@ def test_a_video_becomes_a_bracket_per_frame(tmp_path):
 def test_a_video_without_exposure_time_says_what_is_assumed(tmp_path):
     imported = import_sources([write_video(tmp_path / "v.mkv", 1)], tmp_path / "r")
     assert imported.notes == ("a video tells no exposure time: 1 s is assumed",)
+
+
+def test_frames_of_a_video_that_cannot_be_decoded_leave_a_gap_and_a_note(tmp_path, monkeypatch):
+    frames = [VideoFrame(np.zeros((8, 8, 3), np.uint8), i / 25, i) for i in (0, 1, 4, 5)]
+    monkeypatch.setattr("capture.importing.read_video", lambda _path: iter(frames))
+    imported = import_sources([tmp_path / "v.mkv"], tmp_path / "r", exposures_s=[1.0])
+    assert [frame.index for frame in imported.recording.manifest.frames] == [0, 1, 4, 5]
+    assert [frame.bracket for frame in imported.recording.manifest.frames] == [0, 1, 2, 3]
+    assert imported.notes == ("frames that could not be decoded, and are left out: 2",)
 
 
 def test_a_video_cannot_be_a_bracket(tmp_path):

@@ -67,6 +67,16 @@ def test_gaps_in_time_are_counted(tmp_path):
     assert "1 long intervals, 1 repeated and 2 falling" in told["gaps"]
 
 
+def test_shares_are_of_the_shortest_and_the_longest_exposure_in_any_order(tmp_path):
+    grey = np.full((4, 4, 3), 100, np.uint8)
+    harsh = np.where(np.arange(4)[:, None, None] < 2, 0, np.full_like(grey, 255))
+    with create_recording(tmp_path / "r", "", SRGB) as writer:
+        for time_s, picture in ((0.04, harsh), (0.01, grey), (0.16, grey), (0.05, harsh)):
+            writer.write_frame(picture, Exposure(time_s), 0.0, 0)
+    examination = examine(open_recording(tmp_path / "r"))
+    assert (examination.clipped_share, examination.black_share) == (0.0, 0.0)
+
+
 def test_unreadable_brackets_are_counted_and_named(tmp_path):
     make(tmp_path / "r")
     (tmp_path / "r" / "frames" / "000000.png").write_bytes(b"")

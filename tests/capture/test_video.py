@@ -69,9 +69,16 @@ def test_damaged_frames_are_left_out_and_their_numbers_with_them(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "data", [b"", b"text, not a video\n" * 100, b"#EXTM3U\n#EXTINF:1,\nv.mkv\n"]
+    "data",
+    [
+        b"",
+        b"text, not a video\n" * 100,
+        b"#EXTM3U\n#EXTINF:1,\nv.mkv\n",
+        b"ffconcat version 1.0\nfile 'v.mkv'\n",
+    ],
 )
-def test_what_is_no_video_is_refused_by_name(tmp_path, data):
+def test_what_is_no_video_is_refused_by_name(tmp_path, data, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # playlists name files relative to it
     write_video(tmp_path / "v.mkv", [np.zeros((32, 32, 3), np.uint8)], "ffv1", "bgr0")
     path = tmp_path / "no.mp4"
     path.write_bytes(data)
