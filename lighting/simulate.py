@@ -4,7 +4,7 @@ Input  : moments of a scenario, and a calibration.    Output : a recording, with
 Per pixel: the mean of the map over the pixel, the discs' flux shared out over the pixels that they
 touch, vignetting; then shot noise, read noise, clipping, response and quantisation. The same seed
 gives the same counts.
-Cost   : about 0.1 s for each megapixel and frame, most of it noise.
+Cost   : about 0.3 s for each megapixel and frame, most of it noise and encoding.
 Fails  : what a lens does beyond geometry and vignetting is left out: glare, blur, colour fringes;
 also motion within a bracket, whose frames all see the same moment.
 """

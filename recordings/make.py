@@ -11,7 +11,7 @@ import base64
 import subprocess
 import tarfile
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,7 @@ from calibration.files import write_calibration
 from calibration.models.equisolid import Equisolid
 from calibration.models.kannala_brandt import KannalaBrandt
 from capture.errors import InputError
+from lighting.environment import EnvironmentMap
 from lighting.environment_files import read_environment
 from lighting.scenario import scenario
 from lighting.simulate import simulate_recording
@@ -76,7 +77,7 @@ def make(name: str, maps: Path, folder: Path) -> None:
     bundled = RECORDINGS[name]
     environment, _ = read_environment(maps / f"{bundled.map_name}.exr")
     moments = scenario(
-        [environment],
+        [without_ringing(environment)],
         bracket_count=BRACKETS,
         rate_hz=RATE_HZ,
         yaw_rad_per_s=bundled.yaw_rad_per_s,
@@ -97,6 +98,21 @@ def make(name: str, maps: Path, folder: Path) -> None:
             licence="CC0-1.0",
             force=True,
         )
+
+
+def without_ringing(environment: EnvironmentMap) -> EnvironmentMap:
+    """Return a map without the dark rims that resampling left around its lamps.
+
+    A cell darker than half the median of the 7 × 7 cells around it, one of which exceeds that
+    median tenfold, takes the median. The sum of the light rises by half a percent at most.
+    """
+    radiance = environment.radiance
+    padded = np.pad(radiance, ((3, 3), (0, 0), (0, 0)), mode="edge")
+    padded = np.pad(padded, ((0, 0), (3, 3), (0, 0)), mode="wrap")
+    around = np.lib.stride_tricks.sliding_window_view(padded, (7, 7), axis=(0, 1))
+    median = np.median(around, axis=(-2, -1))
+    rim = (radiance < 0.5 * median) & (around.max(axis=(-2, -1)) > 10 * median)
+    return replace(environment, radiance=np.where(rim.any(-1, keepdims=True), median, radiance))
 
 
 def fetch_maps(folder: Path) -> None:

@@ -20,6 +20,7 @@ from capture.frame import Exposure
 from capture.recording import open_recording
 from capture.sensor import Sensor
 from lighting.environment import EnvironmentMap
+from lighting.environment_files import write_environment
 from lighting.scenario import Disc, Moment, scenario
 from lighting.simulate import (
     build_view,
@@ -79,6 +80,29 @@ def test_the_pixels_of_the_full_sphere_hold_its_light() -> None:
     light = see(view, Moment(0.0, world, yaw_rad=0.1))
     flux = (light * view.solid_angle[..., None]).sum(axis=(0, 1))
     np.testing.assert_allclose(flux, world.integral(), rtol=0.01)
+
+
+def test_a_pixel_has_the_solid_angle_between_its_corners() -> None:
+    # A cell of a lat-long picture has (2π/W)(sin δ_bottom − sin δ_top); the straight sides of the
+    # quadrilateral cut a little off it.
+    view = build_view(CAMERAS["equirectangular"], 32)
+    edges = np.sin(np.linspace(-np.pi / 2, np.pi / 2, 121))
+    expected = 2 * np.pi / 240 * np.diff(edges)
+    np.testing.assert_allclose(view.solid_angle, np.repeat(expected[:, None], 240, 1), rtol=0.01)
+
+
+def test_cells_stand_where_the_grid_says() -> None:
+    y, x = np.mgrid[0:32, 0:64]
+    above = environment((y < 16)[..., None] * np.ones(3))
+    toward_x = environment((x < 32)[..., None] * np.ones(3))
+    view = build_view(CAMERAS["equirectangular"], 32)
+    expected = np.zeros((120, 240, 3))
+    expected[:60] = 1.0
+    np.testing.assert_array_equal(see(view, Moment(0.0, above)), expected)
+    # A level camera that looks along +Z has +X at its left.
+    expected = np.zeros((120, 240, 3))
+    expected[:, :120] = 1.0
+    np.testing.assert_array_equal(see(view, Moment(0.0, toward_x)), expected)
 
 
 def test_the_pixels_of_a_fisheye_hold_its_cap() -> None:
@@ -279,3 +303,24 @@ def test_the_command_needs_a_map_and_a_seed_that_counts(tmp_path: Path, camera_f
         simulate(output=tmp_path / "out", calibration=camera_file)
     with pytest.raises(InputError, match="--seed"):
         simulate(tmp_path / "a.exr", output=tmp_path / "out", calibration=camera_file, seed=-1)
+
+
+def test_the_command_records_as_many_brackets_as_maps(
+    tmp_path: Path, camera_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    maps = [tmp_path / "a.exr", tmp_path / "b.exr"]
+    for path, level in zip(maps, (0.2, 0.4), strict=True):
+        write_environment(path, environment(np.full((8, 16, 3), level)))
+    folder = tmp_path / "recording"
+    simulate(*maps, output=folder, calibration=camera_file, exposures="1/2,1", format="png")
+    assert "brackets 2" in capsys.readouterr().out
+    dim, bright = open_recording(folder)
+    decode = simulated_sensor("png").linear_table()[:, 0]
+    for bracket, level in ((dim, 0.2), (bright, 0.4)):
+        for frame in bracket.frames:
+            measured = decode[frame.counts[60, 60]] / frame.exposure.time_s
+            np.testing.assert_allclose(measured, level, rtol=0.1)
+    with pytest.raises(InputError, match="--force"):
+        simulate(*maps, output=folder, calibration=camera_file)
+    simulate(*maps, output=folder, calibration=camera_file, exposures="1", force=True)
+    assert len(frames(folder)) == 2
