@@ -163,7 +163,7 @@ def test_a_damaged_complete_line_is_refused(tmp_path):
 @settings(max_examples=30, deadline=None)
 def test_a_linear_sensor_goes_through_without_loss(black, white, saturation, full_well, read_noise):
     sensor = Sensor(black, white, None, saturation, full_well, read_noise, "measured")
-    assert sensor_of(sensor_record(sensor)) == sensor
+    assert vars(sensor_of(sensor_record(sensor))) == vars(sensor)
 
 
 def test_responses_go_through_without_loss_and_srgb_by_name():

@@ -76,7 +76,7 @@ def test_header_and_calibration_come_back(tmp_path):
     ) as writer:
         writer.write_frame(noise(), Exposure(1.0), 0.0, 0)
     recording = open_recording(tmp_path / "r")
-    assert recording.sensor == sensor
+    assert vars(recording.sensor) == vars(sensor)
     assert recording.manifest.camera == "maker model"
     assert (recording.manifest.source, recording.manifest.licence) == ("a", "CC0")
     assert recording.calibration_path is not None
@@ -344,7 +344,11 @@ while not ended:
         write(place / "r", 2, False)
     if mode == "random":
         child = run(place / "r", 10**6, False, 0)
-        time.sleep(random.Random(number).uniform(0.0, 0.05))
+        chance = random.Random(number)
+        finished_count = chance.randrange(1, 20)
+        while os.fstat(progress).st_size < finished_count:
+            time.sleep(0.001)
+        time.sleep(chance.uniform(0.0, 0.01))
         os.kill(child, signal.SIGKILL)
     else:
         child = run(place / "r", 3, mode == "replace", number)
@@ -386,7 +390,7 @@ def test_a_killed_writer_leaves_every_frame_it_had_finished(tmp_path, mode):
         assert counts == sorted(counts)
         assert set(counts) == {1, 2, 3}
     else:
-        assert max(counts) > 3
+        assert max(counts) > 10
 
 
 def test_a_writer_killed_while_it_replaces_leaves_the_old_or_the_new_recording_whole(tmp_path):
