@@ -207,13 +207,13 @@ def test_a_sun_of_half_a_pixel_keeps_its_flux_and_its_place(height: int) -> None
 
 
 def test_a_small_pixel_is_shared_out_bilinearly() -> None:
-    """The kernel against numpy: bilinear shares, rows weighted by ρ, the pole's other side."""
-    camera, height = fisheye(64, TILTED), 8
+    """The kernel against numpy, away from the poles: bilinear shares, rows weighted by ρ."""
+    camera, height = fisheye(64, TILTED), 32
     corners, _ = camera.unproject(np.stack(np.meshgrid(np.arange(65), np.arange(65)), -1) - 0.5)
     factors = row_balance(height)
     slot = np.full(2 * height**2, -1, np.int32)
     cells, weights = np.empty(2 * height**2, np.int32), np.empty(2 * height**2)
-    for r, c in ((30, 30), (5, 33), (33, 60), (45, 12), (20, 51)):
+    for r, c in ((5, 33), (33, 60), (45, 12), (20, 51)):
         count, solid_angle = pixel_footprint(corners, r, c, 1.0, factors, slot, cells, weights)
         found = np.bincount(cells[:count], weights[:count], minlength=2 * height**2)
         middle = corners[r : r + 2, c : c + 2].sum(axis=(0, 1))
@@ -223,13 +223,8 @@ def test_a_small_pixel_is_shared_out_bilinearly() -> None:
             for beside in (0, 1):
                 near_row, near_column = int(np.floor(row)) + below, int(np.floor(column)) + beside
                 share = (1 - abs(row - near_row)) * (1 - abs(column - near_column))
-                if not 0 <= near_row < height:
-                    near_row, near_column = min(max(near_row, 0), height - 1), near_column + height
                 expected[near_row, near_column % (2 * height)] += share * factors[near_row]
-        # Next to a pole a pixel is sampled more finely than once.
-        near_pole = np.hypot(middle[0], middle[2]) / 4 < 3 * np.pi / height
-        tolerance = 2e-3 if near_pole else 1e-12
-        np.testing.assert_allclose(found, (expected / expected.sum()).ravel(), atol=tolerance)
+        np.testing.assert_allclose(found, (expected / expected.sum()).ravel(), atol=1e-12)
         theta = camera.axis_angle(middle)
         assert solid_angle == pytest.approx(np.sinc(theta / np.pi) * (np.pi / 64) ** 2, rel=2e-3)
         assert (slot == -1).all()
