@@ -111,7 +111,8 @@ def describe(recording: Recording, examination: Examination) -> list[tuple[str, 
 def exposure_text(exposure: Exposure) -> str:
     """Return an exposure as photographers write it: 1/250 s, f/5.6, ×4 for the gain."""
     time_s = exposure.time_s
-    text = f"{time_s:.4g} s" if time_s > 0.3 else f"1/{1 / time_s:.4g} s"
+    # Four digits, and never an exponent.
+    text = f"{time_s:.4g} s" if time_s > 0.3 else f"1/{float(f'{1 / time_s:.4g}'):.12g} s"
     if exposure.f_number is not None:
         text += f" f/{exposure.f_number:.3g}"
     return text if exposure.gain == 1 else f"{text} ×{exposure.gain:.3g}"

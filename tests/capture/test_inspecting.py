@@ -108,6 +108,7 @@ def test_clipping_begins_at_the_saturation_and_black_at_the_black_level():
     [
         (Exposure(1 / 8000, 1.0, 5.6), "1/8000 s f/5.6"),
         (Exposure(0.3125, 1.0), "0.3125 s"),
+        (Exposure(7.1479e-6), "1/139900 s"),
         (Exposure(13.0, 4.0), "13 s ×4"),
     ],
 )
