@@ -227,7 +227,7 @@ def _decode_channels(data: NDArray[np.uint8], position: int, line: NDArray[np.ui
                 return -1
             code = int(data[position])
             count = code - 128 if code > 128 else code
-            if count == 0 or column + count > length:
+            if column + count > length:
                 return -1
             if code > 128:
                 line[column : column + count, channel] = data[position + 1]

@@ -166,13 +166,14 @@ def test_no_part_of_a_file_is_a_picture_and_nothing_else_is_printed(
     assert capfd.readouterr() == ("", "")
 
 
-def test_interrupted_file_without_its_table_is_truncated(tmp_path: Path) -> None:
-    # A program that is killed leaves zeros where the offsets of the chunks belong.
-    path = foreign(tmp_path / "a.exr", {"R": PIXELS})
+def test_interrupted_file_without_all_its_offsets_is_truncated(tmp_path: Path) -> None:
+    # A program that is killed leaves zeros where the offsets of later chunks belong.
+    path = foreign(tmp_path / "a.exr", {"R": np.ones((40, 20), np.float32)})
     content = path.read_bytes()
-    table = content.index(b"type\0string\0\x0d\0\0\0scanlineimage") + 29
-    assert content[table] == 0  # the header's end
-    path.write_bytes(content[: table + 1] + bytes(8) + content[table + 9 :])
+    header_end = content.index(b"type\0string\0\x0d\0\0\0scanlineimage") + 29
+    assert content[header_end] == 0
+    second = header_end + 1 + 8
+    path.write_bytes(content[:second] + bytes(16) + content[second + 16 :])
     with pytest.raises(UnreadableFrame, match="truncated"):
         read_exr(path)
 

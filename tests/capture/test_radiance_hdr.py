@@ -88,7 +88,7 @@ def test_every_encoding_gives_the_same_pixels(tmp_path: Path, encode: object) ->
     rgbe = rgbe_of(5, 700)
     rgbe[1] = rgbe[1, 0]  # 699 repeats: two digits in the old encoding, six runs in the new
     rgbe[2, 100:400, 1] = 7
-    rgbe[3, ::2] = 0  # black
+    rgbe[3, ::2, 3] = 0  # black, whatever the mantissas
     content = hdr(b"".join(map(encode, rgbe)), "-Y 5 +X 700")  # type: ignore[arg-type]
     expected = rgbe[..., :3] * np.float32(STEP) * (rgbe[..., 3:] > 0)
     np.testing.assert_array_equal(read(tmp_path, content), expected)
@@ -168,9 +168,7 @@ def test_variables_are_returned(tmp_path: Path) -> None:
 
 
 radiances = hnp.array_shapes(min_dims=2, max_dims=2, max_side=20).flatmap(
-    lambda shape: hnp.arrays(
-        np.float32, (*shape, 3), elements=st.floats(0, 2.0**100, width=32, allow_subnormal=False)
-    )
+    lambda shape: hnp.arrays(np.float32, (*shape, 3), elements=st.floats(0, 2.0**100, width=32))
 )
 
 
@@ -236,7 +234,7 @@ def test_no_part_of_a_file_is_a_picture(tmp_path: Path, encode: object) -> None:
         (hdr(bytes([1, 1, 1, 5]), "-Y 1 +X 5"), "0 of 1 scan lines"),  # repeats nothing
         (hdr(ONE + bytes([1, 1, 1, 5]), "-Y 1 +X 5"), "0 of 1 scan lines"),  # one too many
         (hdr(bytes([2, 2, 0, 9]) + bytes(60), "-Y 1 +X 8"), "0 of 1 scan lines"),  # other width
-        (hdr(bytes([2, 2, 0, 8]) + bytes(60), "-Y 1 +X 8"), "0 of 1 scan lines"),  # runs of 0
+        (hdr(bytes([2, 2, 0, 8]) + bytes(60), "-Y 1 +X 8"), "0 of 1 scan lines"),  # nothing
         (hdr(bytes([2, 2, 0, 8, 137, 1] * 9), "-Y 1 +X 8"), "0 of 1 scan lines"),  # run of 9
         (hdr(ONE, "-Y 9 +X 9").replace(b"\n", b"\r\n"), "line ends were converted"),
     ],
