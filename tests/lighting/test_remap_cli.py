@@ -1,0 +1,86 @@
+"""`fishlight remap`: files in, a map and one line out."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibration.camera import UP, Calibration
+from calibration.files import write_calibration
+from calibration.models.equidistant import Equidistant
+from capture.errors import InputError
+from capture.exr import write_exr
+from capture.radiance import RadianceImage
+from capture.radiance_files import write_radiance
+from lighting.environment_files import read_environment
+from lighting.remap_cli import remap
+
+CAMERA = Calibration(Equidistant((31.5, 31.5), 64 / np.pi), (64, 64), np.pi / 2, UP)
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> tuple[Path, Path, Path]:
+    """A picture with one clipped pixel, its calibration, and the map to be made."""
+    write_calibration(tmp_path / "cal.json", CAMERA)
+    clipped = np.zeros((64, 64), bool)
+    clipped[30, 30] = True
+    radiance = np.where(clipped[..., None], 900.0, 2.0) * np.ones(3)
+    image = RadianceImage(radiance, np.zeros_like(radiance), np.ones((64, 64), bool), clipped)
+    write_radiance(tmp_path / "radiance.exr", image)
+    return tmp_path / "radiance.exr", tmp_path / "cal.json", tmp_path / "map.exr"
+
+
+def test_a_map_is_made_and_told_of(
+    files: tuple[Path, Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    radiance, calibration, output = files
+    remap(radiance, calibration=calibration, output=output, height=32, fill="mean")
+    environment, _ = read_environment(output)
+    assert environment.height == 32
+    assert environment.clipped.any()
+    assert environment.seen_share == pytest.approx(0.5, abs=0.03)
+    assert environment.radiance[~environment.valid].min() > 2
+    told = capsys.readouterr().out
+    assert "64×32" in told
+    assert "50.0% of all directions seen" in told
+    assert f"{environment.clipped.sum()} cells are clipped" in told
+
+
+def test_what_was_cleaned_is_told(
+    files: tuple[Path, Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, calibration, output = files
+    plane = np.ones((64, 64), np.float32)
+    bad = plane.copy()
+    bad[32, 32], bad[33, 33] = np.nan, -1
+    picture = output.with_name("foreign.exr")
+    write_exr(picture, {"R": bad, "G": plane, "B": plane}, {})
+    remap(picture, calibration=calibration, output=output, height=16)
+    assert "1 NaN, 1 negative" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("height", [1, 0, -5, 5000])
+def test_a_height_out_of_range_is_refused(files: tuple[Path, Path, Path], height: int) -> None:
+    radiance, calibration, output = files
+    with pytest.raises(InputError, match="--height must be 2 to 4096"):
+        remap(radiance, calibration=calibration, output=output, height=height)
+    assert not output.exists()
+
+
+def test_a_picture_of_another_size_names_the_file(files: tuple[Path, Path, Path]) -> None:
+    _, calibration, output = files
+    plane = np.ones((48, 64), np.float32)
+    picture = output.with_name("other.exr")
+    write_exr(picture, dict.fromkeys("RGB", plane), {})
+    with pytest.raises(InputError, match=r"other\.exr is 64×48 px"):
+        remap(picture, calibration=calibration, output=output)
+
+
+def test_an_existing_map_needs_force(files: tuple[Path, Path, Path]) -> None:
+    radiance, calibration, output = files
+    output.write_text("mine")
+    with pytest.raises(InputError, match="--force"):
+        remap(radiance, calibration=calibration, output=output, height=16)
+    assert output.read_text() == "mine"
+    remap(radiance, calibration=calibration, output=output, height=16, force=True)
+    assert read_environment(output)[0].height == 16
