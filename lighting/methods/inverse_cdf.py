@@ -159,19 +159,13 @@ def _row_sums(radiance):  # type: ignore[no-untyped-def]
 def _invert(cumulative, shares):  # type: ignore[no-untyped-def]
     """Return the cell (n,) in which each share (n,) of the total lies, and how far into it.
 
-    Strictly above the share means a cell without light is never returned, and strictly below the
-    total means the last one with light is, whatever the product rounds to.
+    The cell is the first whose sum is strictly above the share, so it has light of its own. There
+    is one, for a share below 1 times the total rounds to less than the total.
     """
-    below_total = np.nextafter(cumulative[-1], 0.0)
-    cells = np.empty(len(shares), np.intp)
-    fractions = np.empty(len(shares))
-    for i, share in enumerate(shares):
-        target = min(share * cumulative[-1], below_total)
-        cell = np.searchsorted(cumulative, target, side="right")
-        start = cumulative[cell - 1] if cell else 0.0
-        cells[i] = cell
-        fractions[i] = (target - start) / (cumulative[cell] - start)
-    return cells, fractions
+    targets = shares * cumulative[-1]
+    cells = np.searchsorted(cumulative, targets, side="right")
+    starts = np.where(cells > 0, cumulative[cells - 1], 0.0)
+    return cells, (targets - starts) / (cumulative[cells] - starts)
 
 
 @njit(cache=True, nogil=True)

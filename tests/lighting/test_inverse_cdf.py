@@ -149,15 +149,22 @@ def test_a_channel_that_no_light_caught_is_spread_evenly():
     np.testing.assert_allclose(irradiance[:, 2], environment_map.integral()[2] / 3, rtol=1e-6)
 
 
-def test_points_at_the_end_of_the_square_stay_in_the_last_lit_cell():
+def lit_rows_between_dark():
+    """Return a map of 4 rows with the cells 2 to 5 of the middle two rows lit."""
     radiance = np.zeros((4, 8))
-    radiance[1, 2] = 0.1
-    radiance[2, 5] = 0.7
+    radiance[1:3, 2:6] = 0.7
+    return environment(radiance)
+
+
+def test_the_end_of_the_square_stays_in_the_last_lit_cell():
     last = np.nextafter(1.0, 0.0)
-    directions, density = sample_directions(environment(radiance), np.array([[last, last]]))
-    column, row = direction_to_grid(directions[0], 4)
-    assert (row, column) == (pytest.approx(2.5), pytest.approx(5.5))
-    assert np.isfinite(density).all()
+    directions, _ = sample_directions(lit_rows_between_dark(), np.array([[last, last]]))
+    assert direction_to_grid(directions[0], 4) == pytest.approx([5.5, 2.5])
+
+
+def test_the_origin_of_the_square_goes_to_the_first_lit_cell():
+    directions, _ = sample_directions(lit_rows_between_dark(), np.zeros((1, 2)))
+    assert direction_to_grid(directions[0], 4) == pytest.approx([1.5, 0.5])
 
 
 def test_sampling_a_map_without_light_is_refused():

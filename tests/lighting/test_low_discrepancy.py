@@ -29,6 +29,7 @@ def test_points_lie_in_the_half_open_square():
     assert points.shape == (65536, 2)
     assert points.min() >= 0
     assert points.max() < 1
+    assert not np.any(points * 2.0**32 % 1)  # exact: no rounding moves a point out of its box
 
 
 def test_first_point_is_near_the_middle():
