@@ -44,8 +44,9 @@ float visibility(Light light, vec3 position, vec3 face_normal) {
     vec2 tile = vec2(dot(light.row_u, point), dot(light.row_v, point));
     // The outermost two texels of a tile are free of casters: outside is lit.
     tile = clamp(tile, texel_tile, 1.0 - texel_tile);
-    // Beyond the map's far side is as deep as its far side.
-    float depth = clamp(dot(light.row_depth, point), 0.0, 1.0);
+    // The map is fixed-point, so OpenGL holds the depth it is compared with to 0 … 1: what is
+    // beyond its far side is as deep as that.
+    float depth = dot(light.row_depth, point);
     float unoccluded = texture(atlas, vec3(light.tile.xy + light.tile.z * tile, depth));
     // A light behind the face cannot reach it, whatever the interpolated normal says.
     return cosine > 0.0 ? unoccluded : 0.0;

@@ -10,9 +10,11 @@ Measured : plate 0 at every angle; sphere 0.15 % of the pixels at 45°, the wors
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from render.default_scene import sphere
 from render.renderer import Renderer
@@ -46,6 +48,22 @@ def test_a_plate_has_no_acne(ctx, elevation_deg):
             # ρ/π · E · cos, with ρ = 1, E = π and cos = sin(elevation).
             error = np.abs(on_top / math.sin(elevation_rad) - 1)
             assert np.count_nonzero(error > 0.01) == 0
+
+
+def test_a_face_that_looks_at_the_light_has_no_acne(ctx):
+    # Turned by no simple angle, so that depths are rounded differently in map and picture.
+    turn, _ = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))
+    turn *= np.linalg.det(turn)
+    flat = PLATE.meshes[0]
+    tilted = replace(
+        flat,
+        positions=(flat.positions @ turn.T).astype(np.float32),
+        normals=(flat.normals @ turn.T).astype(np.float32),
+    )
+    normal = turn[:, 1]
+    camera = Camera(3 * normal, np.zeros(3), 0.5, (120, 120))
+    with Renderer(ctx, Scene((tilted,), None), camera) as renderer:
+        assert_allclose(renderer.render(one_light(normal))[..., 0], 1 / math.pi, rtol=1e-5)
 
 
 @pytest.mark.parametrize("elevation_deg", [1, 5, 45])

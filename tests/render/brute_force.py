@@ -88,6 +88,8 @@ def _trace_points(scene, camera, lights, x, y):
     on_sphere = np.isfinite(t_sphere) & (t_sphere < t_ground)
     on_ground = np.isfinite(t_ground) & ~on_sphere
     for mask, t in ((on_sphere, t_sphere), (on_ground, t_ground)):
+        if not mask.any():
+            continue
         points = camera.eye + t[mask][:, None] * rays[mask]
         v = -rays[mask]
         radiance = np.zeros_like(points)
@@ -96,7 +98,7 @@ def _trace_points(scene, camera, lights, x, y):
             material = scene.material
         else:
             n = np.broadcast_to([0.0, 1.0, 0.0], points.shape)
-            material = Material(scene.ground.reflectance, 1.0, specular=0.0) if mask.any() else None
+            material = Material(scene.ground.reflectance, 1.0, specular=0.0)
         for l, irradiance in zip(lights.directions, lights.irradiance, strict=True):  # noqa: E741
             if scene.ground is not None and l[1] <= 0:
                 continue

@@ -94,6 +94,20 @@ def test_gltf_material_and_transform(tmp_path, name):
     assert found == {tuple(row) for row in np.round(uv.astype(np.float32), 5).tolist()}
 
 
+def test_gltf_normals_stay_upright_under_uneven_scaling(tmp_path):
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    assert ball.vertex_normals.shape == (162, 3)  # computed, so that they are exported
+    scene = trimesh.Scene()
+    scene.add_geometry(ball, transform=np.diag([1.0, 2.0, 4.0, 1.0]))
+    scene.export(tmp_path / "e.glb", include_normals=True)
+    (mesh,) = load_meshes(tmp_path / "e.glb").meshes
+    assert len(mesh.positions) == 162  # not flat
+    # On the ellipsoid x² + y²/4 + z²/16 = 1 the normal is along (x, y/4, z/16).
+    expected = mesh.positions / [1, 4, 16]
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    assert_allclose(mesh.normals, expected, atol=0.02)
+
+
 def test_what_is_ignored_is_said(tmp_path):
     picture = Image.fromarray(np.zeros((2, 2, 3), np.uint8))
     path, _ = gltf_box(tmp_path / "b.glb", normalTexture=picture, alphaMode="BLEND")

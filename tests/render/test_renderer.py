@@ -88,27 +88,34 @@ def test_furnace_a_white_matt_sphere_vanishes_in_uniform_light(ctx):
     assert np.abs(inside - 1).max() < 0.01
 
 
+METAL = Material((0.9, 0.6, 0.3), roughness=0.3, metalness=1.0)
+HALF_METAL = Material((0.4, 0.5, 0.9), roughness=0.7, metalness=0.5)
+
+
 @pytest.mark.parametrize(
-    ("material", "lights"),
+    ("scene", "lights"),
     [
-        (MATT, one_light((1.0, 1.0, 0.5))),
-        (GLOSSY, random_lights(8, seed=3)),
-        (Material((0.9, 0.6, 0.3), roughness=0.3, metalness=1.0), random_lights(8, seed=4)),
-        (Material((0.4, 0.5, 0.9), roughness=0.7, metalness=0.5), random_lights(16, seed=5)),
+        (replace(BALL, material=MATT), one_light((1.0, 1.0, 0.5))),
+        (BALL, random_lights(8, seed=3)),
+        (replace(BALL, material=METAL), random_lights(8, seed=4)),
+        (replace(BALL, material=HALF_METAL), random_lights(16, seed=5)),
+        # The ground lies beyond the far side of the shadow maps.
+        (replace(BALL, centre=(0.0, 0.9, 0.0), radius_m=0.1), one_light((0.0, 1.0, 0.1))),
     ],
-    ids=["matt", "glossy", "metal", "half-metal"],
+    ids=["matt", "glossy", "metal", "half-metal", "far ground"],
 )
-def test_agrees_with_brute_force(ctx, material, lights):
-    scene = replace(BALL, material=material)
+def test_agrees_with_brute_force(ctx, scene, lights):
     result = picture(ctx, ball_scene(scene), BALL_CAMERA, lights, samples_per_axis=2)
     truth = trace(scene, BALL_CAMERA, lights, samples_per_axis=2)
     error = np.abs(result - truth)[..., :3].max(axis=-1) / truth[..., :3].mean()
     # All pixels, silhouettes and the edges of shadows included.
     assert relative_rmse(result[..., :3], truth[..., :3]) < 0.02
     assert np.abs(result[..., 3] - truth[..., 3]).mean() < 1e-3
-    # Away from those edges the two agree to rounding; near them a polyhedron stands for the sphere
-    # and a texel for a point.
-    assert np.median(error) < 1e-5
+    # Away from those edges the two agree to rounding on the ground; on the sphere a polyhedron's
+    # points and normals stand for it.
+    on_sphere = trace(replace(scene, ground=None), BALL_CAMERA, lights)[..., 3] == 1
+    assert np.median(error[~on_sphere]) < 1e-5
+    assert np.median(error[on_sphere]) < 1e-3
     assert np.mean(error > 0.01) < 0.05
 
 
@@ -245,6 +252,14 @@ def test_a_texture_is_decoded_and_upright(ctx):
     result = math.pi * picture(ctx, scene, FRONT, one_light((0, 0, 1)))
     assert_allclose(result[2, 2, :3], [1, 0, 0], atol=1e-3)
     assert_allclose(result[13, 13, :3], 0.5029, atol=2e-3)
+
+
+def test_nothing_leaks_through_a_surface_without_thickness(ctx):
+    # The interpolated normals lean so far that the light behind the face is in front of them.
+    leaning = np.tile(np.float32([0.8, 0, 0.6]), (4, 1))
+    scene = Scene((replace(quad(MATT), normals=leaning),), None)
+    assert picture(ctx, scene, FRONT, one_light((1, 0, -0.1))).max(axis=(0, 1))[0] == 0
+    assert picture(ctx, scene, FRONT, one_light((1, 0, 0.1)))[..., 0].min() > 0.01
 
 
 def test_vertex_colours_are_interpolated_linearly(ctx):
