@@ -3,9 +3,10 @@
 Input  : a scene, a camera and LightSets.    Output : linear radiance, in the lights' scale.
 Cost   : on llvmpipe and 2 cores see tests/benchmarks; the sum over lights takes most of it.
 Fails  : only light that comes straight from the lights is there. A mirror shows the lights and not
-         the map they stand for; nothing lights another thing, the ground included; light that a
-         rough surface's facets pass on to each other is lost, up to half of what a metal of
-         roughness 1 reflects. Shadows are hard: the extent of a light widens its highlight only.
+         the map they stand for; nothing lights another thing, the ground included. Light that
+         facets pass on to each other is lost: a white metal of roughness 1 reflects 41 %. A smooth
+         dielectric is up to 4 % too bright (tests/limits/test_render_energy.py). Shadows are hard:
+         the extent of a light widens its highlight only.
 """
 
 from types import TracebackType
