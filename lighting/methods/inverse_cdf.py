@@ -109,9 +109,10 @@ def _carry(
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
     """Return row (n,), column (n,) and direction (n, 3) of points (n, 2)."""
     height = len(radiance)
-    cumulative = np.cumsum(row_light @ LUMINANCE_WEIGHTS)
-    rows, row_fraction = _invert(cumulative, points[:, 1])
-    columns, column_fraction = _invert_rows(radiance, rows, np.argsort(rows), points[:, 0])
+    cumulative_rows = np.cumsum(row_light @ LUMINANCE_WEIGHTS)
+    cells, fractions = _cells(radiance, cumulative_rows, points)
+    rows, columns = cells.T
+    row_fraction, column_fraction = fractions.T
 
     edges = np.cos(np.linspace(0.0, np.pi, height + 1))
     cos_theta = edges[rows] + row_fraction * (edges[rows + 1] - edges[rows])
@@ -156,41 +157,41 @@ def _row_sums(radiance):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _invert(cumulative, shares):  # type: ignore[no-untyped-def]
-    """Return the cell (n,) in which each share (n,) of the total lies, and how far into it.
+def _cells(radiance, cumulative_rows, points):  # type: ignore[no-untyped-def]
+    """Return row and column (n, 2) of the cell of each point (n, 2), and how far into it, (n, 2).
+
+    Points are taken row by row, so that one row's cumulative sum is kept at a time, and rows
+    without points are never read.
+    """
+    red, green, blue = LUMINANCE_WEIGHTS
+    cells = np.empty(points.shape, np.intp)
+    fractions = np.empty(points.shape)
+    for i in range(len(points)):
+        cells[i, 0], fractions[i, 0] = _invert(cumulative_rows, points[i, 1])
+
+    cumulative = np.empty(radiance.shape[1])
+    summed_row = -1
+    for i in np.argsort(cells[:, 0]):
+        row = cells[i, 0]
+        if row != summed_row:
+            total = 0.0
+            for column in range(len(cumulative)):
+                cell = radiance[row, column]
+                total += red * cell[0] + green * cell[1] + blue * cell[2]
+                cumulative[column] = total
+            summed_row = row
+        cells[i, 1], fractions[i, 1] = _invert(cumulative, points[i, 0])
+    return cells, fractions
+
+
+@njit(cache=True, nogil=True)
+def _invert(cumulative, share):  # type: ignore[no-untyped-def]
+    """Return the cell in which a share of the total lies, and how far into it.
 
     The cell is the first whose sum is strictly above the share, so it has light of its own. There
     is one, for a share below 1 times the total rounds to less than the total.
     """
-    targets = shares * cumulative[-1]
-    cells = np.searchsorted(cumulative, targets, side="right")
-    starts = np.where(cells > 0, cumulative[cells - 1], 0.0)
-    return cells, (targets - starts) / (cumulative[cells] - starts)
-
-
-@njit(cache=True, nogil=True)
-def _invert_rows(radiance, rows, order, shares):  # type: ignore[no-untyped-def]
-    """Return what `_invert` does for the luminance of each point's own row.
-
-    `order` sorts the points by row, so that one row's cumulative sum is kept at a time and rows
-    without points are never read.
-    """
-    red, green, blue = LUMINANCE_WEIGHTS
-    columns = np.empty(len(rows), np.intp)
-    fractions = np.empty(len(rows))
-    cumulative = np.empty(radiance.shape[1])
-    begin = 0
-    while begin < len(order):
-        row = rows[order[begin]]
-        end = begin
-        while end < len(order) and rows[order[end]] == row:
-            end += 1
-        total = 0.0
-        for column in range(len(cumulative)):
-            cell = radiance[row, column]
-            total += red * cell[0] + green * cell[1] + blue * cell[2]
-            cumulative[column] = total
-        members = order[begin:end]
-        columns[members], fractions[members] = _invert(cumulative, shares[members])
-        begin = end
-    return columns, fractions
+    target = share * cumulative[-1]
+    cell = np.searchsorted(cumulative, target, side="right")
+    start = cumulative[cell - 1] if cell > 0 else 0.0
+    return cell, (target - start) / (cumulative[cell] - start)
