@@ -51,7 +51,7 @@ def parse_header(data: bytes) -> PictureHeader:
         elif data.startswith(TIFF_STARTS):
             header = _parse_tiff(data)
         else:
-            raise ValueError("not a JPEG, PNG or TIFF file" if data else "the file is empty")
+            raise ValueError("not a JPEG, PNG or TIFF file")
     except (struct.error, IndexError):
         raise ValueError("truncated: the file ends inside its header") from None
     if header.width_px < 1 or header.height_px < 1:

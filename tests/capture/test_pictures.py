@@ -165,6 +165,12 @@ def test_transparent_picture_is_refused_and_an_opaque_one_read(tmp_path: Path) -
         read_picture(tmp_path / "a.png")
 
 
+def test_colour_that_means_transparent_is_refused_where_it_occurs(tmp_path: Path) -> None:
+    red, green, blue = COLOURS[3, 4].tolist()
+    with pytest.raises(InputError, match="transparent"):
+        read_bytes_as(tmp_path / "a.png", encoded(COLOURS, "PNG", transparency=(red, green, blue)))
+
+
 # ---- whole or not at all ----
 
 FORMATS = {
@@ -250,6 +256,14 @@ def test_picture_bomb_is_refused_before_it_is_decoded(
     for read in (read_picture, picture_size):
         with pytest.raises(UnreadableFrame, match="16384 x 8193 pixels"):
             read(path)
+
+
+def test_decoder_that_disagrees_with_the_header_is_not_believed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cv2, "imdecode", lambda *_: COLOURS[:, :-1])
+    with pytest.raises(UnreadableFrame, match="cannot be decoded"):
+        read_bytes_as(tmp_path / "a.png", FORMATS["png"])
 
 
 @pytest.mark.parametrize(

@@ -62,7 +62,7 @@ def test_what_is_no_radiance_is_marked_and_counted(tmp_path: Path) -> None:
     rgb = RGB.copy()
     rgb[0, 0, 1], rgb[1, 1, 0], rgb[2, 2, 2] = np.nan, np.inf, -3.0
     variance = np.full_like(rgb, 2.0)
-    variance[3, 3, 0] = np.nan
+    variance[3, 3] = np.nan, np.inf, 2.0
     write_hdr(tmp_path / "a.exr", rgb, variance=variance)
     raw = read_hdr(tmp_path / "a.exr").rgb
     np.testing.assert_array_equal(raw, rgb)  # the file's own values, not cleaned
@@ -72,7 +72,7 @@ def test_what_is_no_radiance_is_marked_and_counted(tmp_path: Path) -> None:
     assert image.radiance[2, 2, 2] == 0
     assert not image.radiance[~image.valid].any()
     assert not image.variance[~image.valid].any()
-    assert image.variance[3, 3].tolist() == [0, 2, 2]
+    assert image.variance[3, 3].tolist() == [0, 0, 2]
 
 
 def test_marks_do_not_hide_the_colours_from_other_programs(tmp_path: Path) -> None:
@@ -122,6 +122,14 @@ def test_primaries_that_span_no_colours_are_refused(
 ) -> None:
     with pytest.raises(InputError, match="primaries that are no colours"):
         read_hdr(with_primaries(tmp_path / "a.exr", RGB, primaries))
+
+
+def test_primaries_of_a_foreign_type_are_refused(tmp_path: Path) -> None:
+    path = with_primaries(tmp_path / "a.exr", RGB, ACESCG)
+    name = b"chromaticities\0chromaticities\0"
+    path.write_bytes(path.read_bytes().replace(name, b"chromaticities\0chromaticitieX\0"))
+    with pytest.raises(InputError, match="primaries that are no colours"):
+        read_hdr(path)
 
 
 def test_luminance_alone_is_repeated(tmp_path: Path) -> None:
