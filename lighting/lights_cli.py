@@ -5,7 +5,6 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from capture.output import refuse_existing
 from lighting.environment_files import read_environment
 from lighting.light_files import write_lights
 from lighting.reduce import reduce_to_lights
@@ -34,7 +33,6 @@ def lights(
     force
         Replace the output if it exists.
     """
-    refuse_existing(output, force=force)
     environment_map, cleaned = read_environment(environment)
     light_set = reduce_to_lights(environment_map, count, method, source=environment.name)
     write_lights(output, light_set, force=force)

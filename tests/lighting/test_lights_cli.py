@@ -1,5 +1,7 @@
 """`fishlight lights` from file to file."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,8 @@ from lighting.light_files import read_lights
 from lighting.lights_cli import lights
 from lighting.reduce import reduce_to_lights
 from tests.environments import environment, outdoors
+
+DATA = Path(__file__).resolve().parents[2].parent / "shared/data"
 
 
 @pytest.fixture
@@ -64,3 +68,28 @@ def test_a_wrong_count_leaves_no_file(map_path, tmp_path):
     with pytest.raises(InputError, match="1 to 65536"):
         lights(map_path, output=tmp_path / "lights.json", count=0)
     assert not (tmp_path / "lights.json").exists()
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(
+    "name",
+    [
+        "env-pmndrs/esplanade.exr",
+        "env-pmndrs/sky.exr",
+        "env-blender-world/city.exr",
+        "env-polyhaven-drei/rooitou_park_1k.hdr",
+        "env-grace-colour/Grace_Cathedral.hdr",
+    ],
+)
+def test_captured_maps_keep_their_energy(name, tmp_path):
+    path = DATA / name
+    if not path.exists():
+        pytest.skip(f"{path} is not here: captures are not part of the project")
+    output = tmp_path / "lights.json"
+    lights(path, output=output)
+    total = read_lights(output).irradiance.sum(axis=0)
+    # What a lights file must add up to, from the file itself and in plain numpy.
+    radiance = read_environment(path)[0].radiance.astype(np.float64)
+    edges = np.cos(np.linspace(0, np.pi, len(radiance) + 1))
+    solid_angle = np.pi / len(radiance) * (edges[:-1] - edges[1:])
+    np.testing.assert_allclose(total, solid_angle @ radiance.sum(axis=1), rtol=1e-6)
