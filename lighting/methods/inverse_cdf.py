@@ -137,8 +137,8 @@ def _with_sum(irradiance: Array, total: Array) -> Array:
 
 def _cone_radius(solid_angle_sr: Array) -> Array:
     """Return the angle in rad between axis and edge of a cone, at most π/2."""
-    half_share = np.minimum(solid_angle_sr / (4 * np.pi), 0.5)
-    return 2 * np.arcsin(np.sqrt(half_share))
+    share = np.minimum(solid_angle_sr / (4 * np.pi), 0.5)
+    return 2 * np.arcsin(np.sqrt(share))
 
 
 @njit(cache=True, nogil=True)
