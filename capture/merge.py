@@ -24,6 +24,10 @@ from capture.sensor import Sensor
 _BLOCK_PX = 256
 """Pixels merged at a time, so that the working arrays of six exposures stay in the L1 cache."""
 
+_CONTRADICTION = 4.0
+"""Standard deviations by which the shorter exposures must predict saturation to be believed over a
+count below it: far enough that noise alone leaves out one value in thirty thousand at most."""
+
 
 def merge_bracket(bracket: Bracket, sensor: Sensor) -> RadianceImage:
     """Return the maximum-likelihood radiance of a bracket, with its variance and its marks.
@@ -44,6 +48,10 @@ def merge_bracket(bracket: Bracket, sensor: Sensor) -> RadianceImage:
     result equals it; in deep shadow, a thousandth of the longest exposure's range, its rms error is
     15 to 30 % smaller, and short exposures that the camera cut off at black hardly lift it
     (tests/limits/test_merge_deep_shadow.py).
+
+    An exposure is left out as well where the shorter ones, by four standard deviations, predict
+    that it is full: beside a clipped sun a JPEG's ringing brings full pixels back below white, and
+    merging them would hide much of the sun (tests/limits/test_merge_ringing.py).
 
     Only the sum is cut off at 0, never a term: noise around black averages out.
 
@@ -102,6 +110,7 @@ def merge_bracket(bracket: Bracket, sensor: Sensor) -> RadianceImage:
         np.float32(sensor.saturation),
         np.float32(1.0 / sensor.full_well_e),
         np.float32((sensor.read_noise_e / sensor.full_well_e) ** 2),
+        np.float32(_CONTRADICTION**2),
         radiance.reshape(-1),
         variance.reshape(-1),
         clipped.reshape(-1),
@@ -162,6 +171,7 @@ def _merge_counts(
     saturation: np.float32,
     photon_variance: np.float32,
     read_variance: np.float32,
+    squared_contradiction: np.float32,
     radiance: NDArray[np.float32],
     variance: NDArray[np.float32],
     clipped: NDArray[np.bool_],
@@ -186,6 +196,7 @@ def _merge_counts(
         collected = np.empty((exposure_count, size), np.float32)
         dark_variance = np.empty((exposure_count, size), np.float32)
         pilot = np.zeros(size, np.float32)
+        pilot_dark = np.zeros(size, np.float32)
         total_light = np.zeros(size, np.float32)
         full = clipped[first:last]
         full[:] = False
@@ -202,21 +213,33 @@ def _merge_counts(
                         count = np.intp(counts[3 * p + channel])
                         y[3 * p + channel] = table[count, channel, 0]
                         v[3 * p + channel] = table[count, channel, 1]
-            limit = saturation
+            to_base, light_k = inverse_gain[k], light[k]
             if k < shortest_count:
-                limit = infinity
                 for p in range(last - first):
                     top = max(y[3 * p], y[3 * p + 1], y[3 * p + 2])
                     full[p] |= top >= saturation
-            to_base, light_k = inverse_gain[k], light[k]
+                for i in range(size):
+                    y[i] *= to_base
+                    v[i] = v[i] * (to_base * to_base) + read_variance
+                    pilot[i] += y[i]
+                    pilot_dark[i] += v[i]
+                    total_light[i] += light_k
+                continue
+            full_at_base = saturation * to_base
+            doubt = squared_contradiction * light_k * light_k
             for i in range(size):
-                linear = y[i]
-                used = linear < limit
-                at_base = linear * to_base if used else zero
-                y[i] = at_base
+                at_base = y[i] * to_base
+                noise = v[i] * (to_base * to_base) + read_variance
+                # By how much the shorter exposures predict more than a full pixel, × total_light.
+                excess = pilot[i] * light_k - total_light[i] * full_at_base
+                spread = doubt * (pilot_dark[i] + photon_variance * pilot[i])
+                is_full = (excess > zero) & (excess * excess > spread)
+                used = (y[i] < saturation) & ~is_full
+                y[i] = at_base if used else zero
                 # An infinite variance gives a weight of exactly 0.
-                v[i] = v[i] * (to_base * to_base) + read_variance if used else infinity
-                pilot[i] += at_base
+                v[i] = noise if used else infinity
+                pilot[i] += at_base if used else zero
+                pilot_dark[i] += noise if used else zero
                 total_light[i] += light_k if used else zero
 
         estimate, information = radiance[values], variance[values]

@@ -44,20 +44,30 @@ def merge_plainly(bracket, sensor):
         levels, at = np.unique(linear_of[:, channel], return_inverse=True)
         step_of[:, channel] = np.gradient(levels)[at]
     light, y, dark, used, clipped = [], [], [], [], False
+    total, total_variance, total_light = 0.0, 0.0, 0.0
     for frame in frames:
         x = linear_of[frame.counts, np.arange(3)]
         is_least = frame.exposure.signal == least
-        gain = frame.exposure.gain
+        gain, light_k = frame.exposure.gain, frame.exposure.light
         step = step_of[frame.counts, np.arange(3)]
-        light.append(frame.exposure.light)
+        light.append(light_k)
         y.append(x / gain)
         dark.append((sensor.read_noise_e / sensor.full_well_e) ** 2 + (step / gain) ** 2 / 12)
-        used.append((x < sensor.saturation) | is_least)
         if is_least:
+            used.append(np.ones(x.shape, bool))
             clipped = clipped | (x >= sensor.saturation).any(axis=-1)
+        else:
+            predicted = total / total_light * light_k
+            sigma = np.sqrt(np.maximum(total_variance, 0)) / total_light * light_k
+            is_contradicted = predicted - sensor.saturation / gain > 4 * sigma
+            used.append((x < sensor.saturation) & ~is_contradicted)
+        photon = x / gain / sensor.full_well_e
+        total = total + used[-1] * x / gain
+        total_variance = total_variance + used[-1] * (dark[-1] + photon)
+        total_light = total_light + used[-1] * light_k
     light = np.array(light)[:, None, None, None]
     y, dark, used = np.array(y), np.array(dark), np.array(used)
-    pilot = np.maximum((used * y).sum(0) / (used * light).sum(0), 0)
+    pilot = np.maximum(total / total_light, 0)
     weight = used * light / (light * pilot / sensor.full_well_e + dark)
     information = (weight * light).sum(0)
     return np.maximum((weight * y).sum(0) / information, 0), 1 / information, clipped

@@ -3,10 +3,11 @@
 Setup    : 1/256, 1/16 and 1 s; a light of radiance 100 over a background of 0.2 stands at one
            place in the shortest exposure and at another in the two longer ones.
 Expected : L is a weighted mean of the exposures' own radiances, so it lies between the least and
-           the greatest. At the old place the long exposures outvote the light; at the new one
-           they are full and left out, and the shortest saw background: the light is lost in both
-           places, and no mark tells. Moving lights want exposures close in time.
-Measured : old place 0.5 (0.3 % of the light), new place 0.2: its flux is lost.
+           the greatest. At the old place the shortest exposure contradicts the longer ones, which
+           are left out, and the light stays where it was first; at the new place they are full
+           and left out, and the shortest saw background. So the light is there once, late by the
+           length of the bracket. A dimmer one, which no exposure clips, is smeared over both.
+Measured : old place 100.0, new place 0.2.
 """
 
 import numpy as np
@@ -18,7 +19,7 @@ from tests.capture.simulated_bracket import LINEAR_16_BIT, record
 BACKGROUND, LIGHT = 0.2, 100.0
 
 
-def test_a_light_that_moves_is_lost_between_its_places():
+def test_a_light_that_moves_stays_where_the_shortest_exposure_saw_it():
     rng = np.random.default_rng(1)
     before, after = np.full((2, 40, 40, 3), BACKGROUND)
     old_place, new_place = np.s_[5:15, 5:15], np.s_[25:35, 25:35]
@@ -34,5 +35,5 @@ def test_a_light_that_moves_is_lost_between_its_places():
     assert (image.radiance >= np.min(seen, axis=0) * (1 - 1e-5)).all()
     assert (image.radiance <= np.max(seen, axis=0) * (1 + 1e-5)).all()
     np.testing.assert_allclose(image.radiance[new_place].mean(), BACKGROUND, rtol=0.1)
-    assert BACKGROUND < image.radiance[old_place].mean() < 0.01 * LIGHT
+    np.testing.assert_allclose(image.radiance[old_place].mean(), LIGHT, rtol=0.01)
     assert not image.clipped.any()
