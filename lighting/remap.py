@@ -68,12 +68,6 @@ class Remap:
     coverage: NDArray[np.float32]
     illumination: NDArray[np.float32]
 
-    @property
-    def image_shape(self) -> tuple[int, int]:
-        """(rows, columns) of the pictures it takes."""
-        width, height = self.image_size_px
-        return height, width
-
 
 def build_remap(calibration: Calibration, height: int) -> Remap:
     """Return the operator from a camera's pictures to maps of `height` × 2 `height` cells.
@@ -278,7 +272,7 @@ def _balance(starts, pixels, masses, pixel_sr, cell_sr):  # type: ignore[no-unty
         for k in range(starts[i], starts[i + 1]):
             total += masses[k] * pixel_scale[pixels[k]]
         for k in range(starts[i], starts[i + 1]):
-            weights[k] = masses[k] * pixel_scale[pixels[k]] / total
+            weights[k] = masses[k] * pixel_scale[pixels[k]] / total if total > 0.0 else 0.0
     return weights, coverage
 
 

@@ -13,7 +13,7 @@ from lighting.environment_files import write_environment
 from lighting.fill import Fill, fill_unseen
 from lighting.remap import remap_image
 
-_MAX_HEIGHT = 4096
+_MAX_HEIGHT = 2048
 
 
 def remap(

@@ -62,7 +62,7 @@ def test_what_was_cleaned_is_told(
 @pytest.mark.parametrize("height", [1, 0, -5, 5000])
 def test_a_height_out_of_range_is_refused(files: tuple[Path, Path, Path], height: int) -> None:
     radiance, calibration, output = files
-    with pytest.raises(InputError, match="--height must be 2 to 4096"):
+    with pytest.raises(InputError, match="--height must be 2 to 2048"):
         remap(radiance, calibration=calibration, output=output, height=height)
     assert not output.exists()
 
