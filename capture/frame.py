@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.errors import InputError
+from capture.errors import InputError, UnreadableFrame
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,9 @@ class FrameSource(Protocol):
     """Where brackets come from: a recording, later a live camera.
 
     tests/capture/test_source_contract.py states what every implementation keeps to: indices rise,
-    timestamps never fall, iteration ends, and a source can be iterated again from the start.
+    timestamps never fall, iteration ends, and a source can be iterated again from the start. A
+    bracket that cannot be read is delivered as the error that says why, so that one damaged file
+    does not end a stream.
     """
 
-    def __iter__(self) -> Iterator[Bracket]: ...
+    def __iter__(self) -> Iterator[Bracket | UnreadableFrame]: ...

@@ -1,13 +1,11 @@
 """The render stage's commands: render, replay and doctor."""
 
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from capture.errors import FishlightError, InputError
 from capture.output import refuse_existing
@@ -68,7 +66,6 @@ def replay_command(
         map_height=height,
         calibration_path=calibration,
         force=force,
-        progress=_progress,
     )
     if timings is not None:
         write_timings(timings, summary, force=force)
@@ -109,21 +106,6 @@ def _report(summary: ReplaySummary, output: Path) -> None:
         stages = ", ".join(f"{name} {stage['median_ms']:.1f}" for name, stage in times.items())
         to_lights = sum(times[name]["median_ms"] for name in CAPTURE_TO_LIGHTS)
         print(f"median ms: {stages}; capture to lights {to_lights:.1f}  [{summary.gl}]")
-
-
-def _progress(source: Iterable[Any], length: int) -> Iterator[Any]:
-    """Show progress on a terminal; stay quiet in a pipe."""
-    console = Console(stderr=True)
-    with Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        disable=not console.is_terminal,
-        transient=True,
-    ) as progress:
-        yield from progress.track(source, total=length, description="replay")
 
 
 COMMANDS: tuple[tuple[Callable[..., Any], str], ...] = (

@@ -9,7 +9,7 @@ Fails  : a bracket that cannot be read holds the picture of the one before it in
 """
 
 import shutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +25,7 @@ from capture.frame import Bracket
 from capture.merge import merge_bracket
 from capture.output import write_text
 from capture.pictures import write_png
+from capture.progress import progress
 from capture.recording import Recording, open_recording
 from lighting.environment_files import write_environment
 from lighting.light_files import write_lights
@@ -42,8 +43,6 @@ SESSION_FILE = "session.json"
 RESULT_NAMES = ("maps", "lights", "pictures", "video.mp4", SESSION_FILE)
 CAPTURE_TO_LIGHTS = ("decode", "merge", "remap", "lights")
 FALLBACK_RATE_HZ = 25.0
-
-Source = Iterable[Bracket | UnreadableFrame]
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,6 @@ def replay(
     map_height: int = 512,
     calibration_path: Path | None = None,
     force: bool = False,
-    progress: Callable[[Source, int], Source] | None = None,
 ) -> ReplaySummary:
     """Take every bracket of a recording to a map, lights and a picture in `output`.
 
@@ -102,8 +100,6 @@ def replay(
         Calibration to use instead of the recording's own.
     force : bool
         Replace the results of an earlier replay in `output`.
-    progress : callable or None
-        Wraps the source to show progress; given the source and its length.
 
     Raises
     ------
@@ -116,9 +112,7 @@ def replay(
     calibration = _calibration(recording, calibration_path)
     prepare_output(output, force=force)
     remap = build_remap(calibration, map_height)
-    source: Source = recording
-    if progress is not None:
-        source = progress(recording, len(recording))
+    source = progress(recording, "replay", len(recording))
     with (
         create_context() as context,
         Renderer(context, scene, camera) as renderer,

@@ -12,13 +12,13 @@ Fails  : a source that blocks forever blocks the session too; the source owns it
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import Enum
 
 from capture.errors import UnreadableFrame
-from capture.frame import Bracket
+from capture.frame import Bracket, FrameSource
 
 QUEUE_LENGTH = 2
 """Brackets that may wait: enough to overlap decoding with processing, few enough for memory."""
@@ -94,7 +94,7 @@ class _Delivery:
 
 
 def run_session(
-    source: Iterable[Bracket | UnreadableFrame],
+    source: FrameSource,
     process: Callable[[Bracket, StageClock, Counters], None],
     *,
     policy: Policy = Policy.EVERY,
@@ -104,7 +104,7 @@ def run_session(
 
     Parameters
     ----------
-    source : iterable of Bracket or UnreadableFrame
+    source : FrameSource
         Iterated on the producer thread.
     process : callable
         Called on this thread with the bracket, the clock whose current frame is this bracket's,
@@ -141,7 +141,7 @@ def run_session(
 class _Producer(threading.Thread):
     """Iterates the source and fills the queue until the end, an exception or `stop`."""
 
-    def __init__(self, source: Iterable[Bracket | UnreadableFrame], policy: Policy) -> None:
+    def __init__(self, source: FrameSource, policy: Policy) -> None:
         super().__init__(name="fishlight-producer", daemon=True)
         self.captured = 0
         self.replaced = 0
