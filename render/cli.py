@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from capture.errors import FishlightError, InputError
+from capture.errors import FishlightError
 from capture.output import refuse_existing
 from render import doctor as machine
 from render.render_cli import parse_size, render, scene_to_render
@@ -70,8 +70,6 @@ def replay_command(
     if timings is not None:
         write_timings(timings, summary, force=force)
     _report(summary, output)
-    if summary.counters.rendered == 0:
-        raise InputError(f"{recording}: none of its {summary.counters.captured} brackets is usable")
 
 
 def doctor() -> None:

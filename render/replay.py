@@ -9,8 +9,7 @@ Fails  : a bracket that cannot be read holds the picture of the one before it in
 """
 
 import shutil
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -104,7 +103,8 @@ def replay(
     Raises
     ------
     InputError
-        If the recording or calibration cannot be used, or `output` holds something else.
+        If the recording or calibration cannot be used, none of its brackets can be read, or
+        `output` holds something else.
     GlUnavailable
         If there is no OpenGL context.
     """
@@ -113,19 +113,19 @@ def replay(
     prepare_output(output, force=force)
     remap = build_remap(calibration, map_height)
     source = progress(recording, "replay", len(recording))
-    with (
-        create_context() as context,
-        Renderer(context, scene, camera) as renderer,
-        _video(output / "video.mp4", camera.size_px, frame_rate_hz(recording)) as add_picture,
-    ):
+    size_px, rate_hz = camera.size_px, frame_rate_hz(recording)
+    failures: list[str] = []
+    with ExitStack() as stack:
+        context = stack.enter_context(create_context())
+        renderer = stack.enter_context(Renderer(context, scene, camera))
         gl = describe(context)
-        exposure_ev: float | None = None
+        video: VideoWriter | None = None
+        exposure_ev = 0.0
         last_picture: NDArray[np.uint8] | None = None
         clipped_count = 0
-        failures: list[str] = []
 
         def process(bracket: Bracket, clock: StageClock, counters: Counters) -> None:
-            nonlocal exposure_ev, last_picture, clipped_count
+            nonlocal clipped_count, exposure_ev, last_picture, video
             with clock.stage("merge"):
                 image = merge_bracket(bracket, recording.sensor)
             counters.merged += 1
@@ -144,23 +144,29 @@ def replay(
             counters.rendered += 1
             clipped_count += lights.clipped_fraction > 0
             with clock.stage("write"):
-                if exposure_ev is None:
+                if video is None:  # one exposure for all pictures, so that brightness can be seen
                     exposure_ev = auto_exposure_ev(radiance)
+                    video = stack.enter_context(VideoWriter(output / "video.mp4", size_px, rate_hz))
                 last_picture = to_display(radiance, exposure_ev)
+                video.write(last_picture)
                 name = f"{bracket.index:06d}"
                 write_environment(output / "maps" / f"{name}.exr", environment)
-                seen = preview(environment, lights, exposure_ev)
-                write_png(output / "maps" / f"{name}.png", seen)
-                write_lights(output / "lights" / f"{name}.json", lights)
+                write_png(
+                    output / "maps" / f"{name}.png", preview(environment, lights, exposure_ev)
+                )
+                write_lights(output / "lights" / f"{name}.json", lights, force=True)
                 write_png(output / "pictures" / f"{name}.png", last_picture)
-                add_picture(last_picture)
 
         def on_failure(error: UnreadableFrame) -> None:
             failures.append(str(error))
-            if last_picture is not None:
-                add_picture(last_picture)
+            if video is not None and last_picture is not None:
+                video.write(last_picture)
 
         counters, clock = run_session(source, process, on_failure=on_failure)
+    if counters.rendered == 0:
+        raise InputError(
+            f"{recording_folder}: none of its {counters.captured} brackets is usable: {failures[0]}"
+        )
     summary = ReplaySummary(counters, clock, gl, clipped_count, tuple(failures))
     _write_session(output, "complete", summary)
     return summary
@@ -240,14 +246,6 @@ def _calibration(recording: Recording, path: Path | None) -> Calibration:
     calibration = read_calibration(path)
     calibration.check_size(recording.size_px, str(recording.folder))
     return calibration
-
-
-@contextmanager
-def _video(
-    path: Path, size_px: tuple[int, int], rate_hz: float
-) -> Iterator[Callable[[NDArray[np.uint8]], None]]:
-    with VideoWriter(path, size_px, rate_hz) as writer:
-        yield writer.write
 
 
 def _write_session(output: Path, status: str, summary: ReplaySummary | None) -> None:
