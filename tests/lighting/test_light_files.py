@@ -136,7 +136,7 @@ def test_a_direction_rounded_to_four_digits_is_brought_to_unit_length(tmp_path):
         ({"lights": {}}, "lights"),
         ({"lights": [LIGHT, LIGHT | {"direction": [0, 2, 0]}]}, "light 1 .*length is 2"),
         ({"lights": [LIGHT, LIGHT | {"direction": [0, 0, 0]}]}, "light 1 .*length is 0"),
-        ({"lights": [LIGHT, LIGHT | {"direction": [1e308] * 3}]}, "light 1 .*length is inf"),
+        ({"lights": [LIGHT, LIGHT | {"direction": [1.5e308] * 3}]}, "light 1 .*length is inf"),
         ({"lights": [LIGHT, LIGHT | {"direction": [1, 0]}]}, r"lights\[1\].direction"),
         ({"lights": [LIGHT, LIGHT | {"direction": ["1", 0, 0]}]}, r"lights\[1\].direction\[0\]"),
         (
