@@ -9,6 +9,7 @@ Cost   : a SHA-256 of every file read (about 1.8 GB/s where the processor has SH
 import hashlib
 import os
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -28,6 +29,9 @@ from capture.manifest import (
     sensor_of,
 )
 from capture.sensor import Sensor
+
+_DECODERS = 4
+"""Frames of a bracket that are decoded at a time; OpenCV decodes outside Python's lock."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +93,8 @@ class Recording:
             If there are fewer brackets.
         """
         records = self.brackets[position]
-        frames = tuple(self.read_frame(record) for record in records)
+        with ThreadPoolExecutor(min(len(records), _DECODERS)) as decoders:
+            frames = tuple(decoders.map(self.read_frame, records))
         try:
             return Bracket(frames, records[0].bracket)
         except InputError as error:
