@@ -32,8 +32,9 @@ check: setup ## formatter, linter, type checker, import contract
 bench: setup ## speed and accuracy against the peers: tests/benchmarks/results.json and its tables
 	$(BIN)/python -m tests.benchmarks.bench
 
-recordings: setup ## make the bundled recordings again, from the CC0 maps of npm's @pmndrs/assets
+recordings: setup ## the bundled recordings again, from npm's @pmndrs/assets, and the README's pictures
 	$(BIN)/python -m recordings.make
+	$(BIN)/python -m recordings.gallery
 
 lock: ## requirements.lock from pyproject.toml, with hashes (needs uv)
 	uv pip compile -q --universal --python-version 3.11 --generate-hashes --extra dev \
