@@ -84,7 +84,10 @@ def write_exr(
     # The binding ignores strides, and replaces the values of the dictionary it is given.
     pixels = {name: np.ascontiguousarray(values, np.float32) for name, values in channels.items()}
     with replacing(path, force=force) as partial, OpenEXR.File(header, pixels) as file:
-        file.write(str(partial))
+        try:
+            file.write(str(partial))
+        except RuntimeError as error:  # of the C++ core: the disk is full
+            raise OSError(str(error).replace(str(partial), path.name)) from None
 
 
 def _open(path: Path, *, header_only: bool) -> tuple[dict[str, Any], dict[str, Any]]:

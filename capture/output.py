@@ -13,9 +13,14 @@ os.umask(_UMASK)
 
 
 def refuse_existing(path: Path, *, force: bool) -> None:
-    """Raise InputError if `path` exists and `force` is not set."""
-    if path.exists() and not force:
-        raise InputError(f"{path} exists; give --force to replace it")
+    """Raise InputError if `path` is a folder, or exists and `force` is not set."""
+    try:
+        if path.is_dir():
+            raise InputError(f"{path} is a folder; name a file")
+        if path.exists() and not force:
+            raise InputError(f"{path} exists; give --force to replace it")
+    except OSError as error:  # a name that is too long, a folder that may not be entered
+        raise _unwritable(path, error) from None
 
 
 @contextmanager
@@ -28,12 +33,16 @@ def replacing(path: Path, *, force: bool = True) -> Iterator[Path]:
     Raises
     ------
     InputError
-        If `path` exists and `force` is False, or its folder does not exist.
+        If `path` exists and `force` is False, its folder does not exist, or the file cannot be
+        written (no permission, no space).
     """
     refuse_existing(path, force=force)
     if not path.parent.is_dir():
         raise InputError(f"{path.parent} is not a folder; {path.name} cannot be written there")
-    handle, name = tempfile.mkstemp(prefix=".partial-", suffix=path.suffix, dir=path.parent)
+    try:
+        handle, name = tempfile.mkstemp(prefix=".partial-", suffix=path.suffix, dir=path.parent)
+    except OSError as error:
+        raise _unwritable(path, error) from None
     os.close(handle)
     partial = Path(name)
     try:
@@ -42,6 +51,10 @@ def replacing(path: Path, *, force: bool = True) -> Iterator[Path]:
         _sync(partial)
         partial.replace(path)
         _sync(path.parent)
+    except OSError as error:
+        if error.filename not in (None, name):  # the block's trouble with another file
+            raise
+        raise _unwritable(path, error) from error
     finally:
         partial.unlink(missing_ok=True)
 
@@ -50,6 +63,10 @@ def write_text(path: Path, text: str, *, force: bool = True) -> None:
     """Write UTF-8 text to `path`, whole or not at all."""
     with replacing(path, force=force) as partial:
         partial.write_text(text, encoding="utf-8")
+
+
+def _unwritable(path: Path, error: OSError) -> InputError:
+    return InputError(f"{path}: cannot be written ({error.strerror or error})")
 
 
 def _sync(path: Path) -> None:
