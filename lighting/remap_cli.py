@@ -43,8 +43,7 @@ def remap(
         Replace the output if it exists.
     """
     refuse_existing(output, force=force)
-    if not 2 <= height <= _MAX_HEIGHT:
-        raise InputError(f"--height must be 2 to {_MAX_HEIGHT}, got {height}")
+    check_map_height(height)
     camera = read_calibration(calibration)
     image, cleaned = read_radiance(radiance)
     camera.check_size(image.size_px, str(radiance))
@@ -57,3 +56,9 @@ def remap(
     clipped_count = int(environment.clipped.sum())
     if clipped_count:
         print(f"  {clipped_count} cells are clipped: their radiance is a lower bound")
+
+
+def check_map_height(height: int) -> None:
+    """Raise InputError unless a map of `height` rows can be made."""
+    if not 2 <= height <= _MAX_HEIGHT:
+        raise InputError(f"--height must be 2 to {_MAX_HEIGHT}, got {height}")

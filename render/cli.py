@@ -7,8 +7,9 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from capture.errors import FishlightError
+from capture.errors import FishlightError, InputError
 from capture.output import refuse_existing
+from lighting.remap_cli import check_map_height
 from render import doctor as machine
 from render.render_cli import parse_size, render, scene_to_render
 from render.replay import CAPTURE_TO_LIGHTS, ReplaySummary, replay, stage_times_ms, write_timings
@@ -53,8 +54,11 @@ def replay_command(
     force
         Replace the results of an earlier replay.
     """
+    check_map_height(height)
     if timings is not None:
         refuse_existing(timings, force=force)
+        if timings.parent != output and not timings.parent.is_dir():
+            raise InputError(f"{timings.parent} is not a folder; give --timings one that exists")
     scene, camera = scene_to_render(mesh, parse_size(size))
     summary = replay(
         recording,
@@ -81,8 +85,10 @@ def doctor() -> None:
         print(f"{finding.subject:<{width}}  {mark:<7}  {finding.found}")
         if not finding.is_good:
             print(f"{'':<{width}}  {'':<7}  {finding.remedy}")
-    missing = [finding.subject for finding in findings if not finding.is_good]
-    if any(finding.is_required for finding in findings if not finding.is_good):
+    missing = [
+        finding.subject for finding in findings if finding.is_required and not finding.is_good
+    ]
+    if missing:
         raise FishlightError(f"not ready: {', '.join(missing)} (see above)")
 
 

@@ -5,7 +5,8 @@ Output : a folder with maps/*.exr (and *.png to look at), lights/*.json, picture
 and session.json.
 Cost   : per bracket, see `fishlight replay --timings`; the remap operator is built once.
 Fails  : a bracket that cannot be read holds the picture of the one before it in the video, and is
-         counted; no map, lights or picture are written for it.
+         counted; no map, lights or picture are written for it. Nothing is written, and no earlier
+         replay removed, before the first bracket has become a picture.
 """
 
 import shutil
@@ -110,7 +111,7 @@ def replay(
     """
     recording = open_recording(recording_folder)
     calibration = _calibration(recording, calibration_path)
-    prepare_output(output, force=force)
+    check_output(output, force=force)
     remap = build_remap(calibration, map_height)
     source = progress(recording, "replay", len(recording))
     size_px, rate_hz = camera.size_px, frame_rate_hz(recording)
@@ -144,7 +145,9 @@ def replay(
             counters.rendered += 1
             clipped_count += lights.clipped_fraction > 0
             with clock.stage("write"):
-                if video is None:  # one exposure for all pictures, so that brightness can be seen
+                if video is None:
+                    prepare_output(output)
+                    # One for all pictures, so that a change of brightness can be seen.
                     exposure_ev = auto_exposure_ev(radiance)
                     video = stack.enter_context(VideoWriter(output / "video.mp4", size_px, rate_hz))
                 last_picture = to_display(radiance, exposure_ev)
@@ -172,16 +175,11 @@ def replay(
     return summary
 
 
-def prepare_output(output: Path, *, force: bool) -> None:
-    """Make the result folder, emptied of an earlier replay's results if `force`.
+def check_output(output: Path, *, force: bool) -> None:
+    """Raise InputError unless the results of a replay may go to `output`.
 
-    A folder is only ever emptied of what a replay left there: it is told by its session.json.
-
-    Raises
-    ------
-    InputError
-        If `output` is not a folder, or is not empty and `force` is False, or was not made by a
-        replay.
+    They may if it does not exist or is an empty folder, and with `force` if an earlier replay made
+    it: that is told by its session.json.
     """
     if output.exists() and not output.is_dir():
         raise InputError(f"{output} is a file; the results need a folder")
@@ -192,12 +190,16 @@ def prepare_output(output: Path, *, force: bool) -> None:
             raise InputError(
                 f"{output} holds no {SESSION_FILE}, so no replay made it, and it is left alone"
             )
-        for name in RESULT_NAMES:
-            path = output / name
-            if path.is_dir():
-                shutil.rmtree(path)
-            else:
-                path.unlink(missing_ok=True)
+
+
+def prepare_output(output: Path) -> None:
+    """Make the result folder, emptied of an earlier replay's results and of nothing else."""
+    for name in RESULT_NAMES:
+        path = output / name
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink(missing_ok=True)
     for name in ("maps", "lights", "pictures"):
         (output / name).mkdir(parents=True, exist_ok=True)
     _write_session(output, "running", None)

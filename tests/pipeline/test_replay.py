@@ -13,6 +13,7 @@ import pytest
 
 from lighting.environment_files import read_environment
 from lighting.light_files import read_lights
+from render.main import main
 
 pytestmark = pytest.mark.gl
 
@@ -138,6 +139,7 @@ def test_a_recording_of_which_nothing_is_usable_fails(
     done = fishlight("replay", folder, "-o", tmp_path / "out", *SMALL)
     assert done.returncode == 2
     assert "none of its 4 brackets is usable" in done.stderr
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGKILL])
@@ -161,3 +163,34 @@ def test_a_replay_that_is_stopped_leaves_only_whole_files(
         assert len(read_lights(path)) == 12
     for path in (output / "maps").glob("[0-9]*.exr"):
         read_environment(path)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (["--method", "magic"], "magic"),
+        (["--count", "0"], "number of lights"),
+        (["--height", "0"], "--height"),
+        (["--size", "640"], "WIDTHxHEIGHT"),
+        (["--timings", "nowhere/t.json"], "nowhere is not a folder"),
+        (["--mesh", "none.obj"], "none.obj"),
+        (["--calibration", "none.json"], "none.json"),
+    ],
+)
+def test_wrong_arguments_change_nothing(
+    short_recording: Path,
+    replayed: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    wrong: list[str],
+    message: str,
+) -> None:
+    before = {path: path.stat().st_mtime_ns for path in replayed.rglob("*")}
+    for output, force in ((tmp_path / "out", []), (replayed, ["--force"])):
+        with pytest.raises(SystemExit, match="2"):
+            main(["replay", str(short_recording), "-o", str(output), *wrong, *force])
+        printed = capsys.readouterr().err
+        assert message in printed
+        assert printed.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+    assert {path: path.stat().st_mtime_ns for path in replayed.rglob("*")} == before
