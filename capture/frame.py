@@ -4,7 +4,6 @@ Input  : decoded camera files or buffers.    Output : Bracket, one moment at sev
 Counts are device numbers (DN), rows from the top, channels in the order R, G, B.
 """
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -14,6 +13,11 @@ from numpy.typing import NDArray
 
 from capture.errors import InputError, UnreadableFrame
 
+TIME_RANGE_S = (1e-9, 1e9)
+GAIN_RANGE = (1e-4, 1e6)
+F_NUMBER_RANGE = (0.1, 1000.0)
+"""What any camera does, with room; beyond, the merge's float32 would over- or underflow."""
+
 
 @dataclass(frozen=True)
 class Exposure:
@@ -22,12 +26,18 @@ class Exposure:
     Attributes
     ----------
     time_s : float
-        Exposure time, positive.
+        Exposure time, within TIME_RANGE_S.
     gain : float
         Amplification of the counts over the sensor's base sensitivity (ISO 200 on a sensor of
-        base ISO 100 is 2), positive.
+        base ISO 100 is 2), within GAIN_RANGE.
     f_number : float or None
-        Aperture; None where the lens does not tell, which every frame of a bracket then shares.
+        Aperture, within F_NUMBER_RANGE; None where the lens does not tell, which every frame of a
+        bracket then shares.
+
+    Raises
+    ------
+    InputError
+        If one of them is out of its range, or not a number.
     """
 
     time_s: float
@@ -35,11 +45,15 @@ class Exposure:
     f_number: float | None = None
 
     def __post_init__(self) -> None:
-        for name, value in (("time_s", self.time_s), ("gain", self.gain)):
-            if not (math.isfinite(value) and value > 0):
-                raise InputError(f"exposure {name} must be a positive number, got {value}")
-        if self.f_number is not None and not (math.isfinite(self.f_number) and self.f_number > 0):
-            raise InputError(f"f_number must be a positive number or absent, got {self.f_number}")
+        for name, value, (least, most) in (
+            ("time_s", self.time_s, TIME_RANGE_S),
+            ("gain", self.gain, GAIN_RANGE),
+            ("f_number", self.f_number, F_NUMBER_RANGE),
+        ):
+            if value is not None and not least <= value <= most:
+                raise InputError(
+                    f"exposure {name} must be a number from {least:g} to {most:g}, got {value}"
+                )
 
     @property
     def light(self) -> float:

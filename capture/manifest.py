@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import InputError
+from capture.frame import F_NUMBER_RANGE, GAIN_RANGE, TIME_RANGE_S
 from capture.output import write_text
 from capture.sensor import Sensor, assumed_sensor
 
@@ -29,6 +30,9 @@ MAX_BYTES = 64 * 2**20
 """Largest manifest or journal that is read: about 200,000 frames."""
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
+Time = Annotated[float, msgspec.Meta(ge=TIME_RANGE_S[0], le=TIME_RANGE_S[1])]
+Gain = Annotated[float, msgspec.Meta(ge=GAIN_RANGE[0], le=GAIN_RANGE[1])]
+FNumber = Annotated[float, msgspec.Meta(ge=F_NUMBER_RANGE[0], le=F_NUMBER_RANGE[1])]
 Share = Annotated[float, msgspec.Meta(gt=0, le=1)]
 Index = Annotated[int, msgspec.Meta(ge=0, lt=2**53)]
 Pixels = Annotated[int, msgspec.Meta(gt=0, lt=2**31)]
@@ -55,14 +59,14 @@ class FrameRecord(msgspec.Struct, frozen=True):
     """
 
     file: str
-    time_s: Positive
+    time_s: Time
     sha256: Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
     size_px: tuple[Pixels, Pixels]
     index: Index
     bracket: Index
     timestamp_s: float = 0.0
-    gain: Positive = 1.0
-    f_number: Positive | None = None
+    gain: Gain = 1.0
+    f_number: FNumber | None = None
 
 
 class Manifest(msgspec.Struct, frozen=True, kw_only=True):

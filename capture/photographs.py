@@ -65,18 +65,22 @@ def find_photographs(sources: Sequence[Path]) -> list[Path]:
     Raises
     ------
     InputError
-        If a source does not exist, there is no picture, or there are files of several kinds (RAW
-        beside the JPEG of the same shot).
+        If a source does not exist, a folder holds no picture, a file is named twice, or there are
+        files of several kinds (RAW beside the JPEG of the same shot).
     """
     paths: list[Path] = []
     for source in sources:
         if source.is_dir():
-            paths += sorted(filter(_holds_a_frame, source.iterdir()), key=_natural_order)
+            found = sorted(filter(_holds_a_frame, source.iterdir()), key=_natural_order)
+            if not found:
+                raise InputError(f"{source}: no picture, RAW or EXR file to be found")
+            paths += found
         else:
             check_file(source)
             paths.append(source)
-    if not paths:
-        raise InputError(f"{', '.join(map(str, sources))}: no picture, RAW or EXR file to be found")
+    for path, count in Counter(path.resolve() for path in paths).items():
+        if count > 1:
+            raise InputError(f"{path} is named {count} times; a photograph counts once")
     for kind in (PICTURE_SUFFIXES, RAW_SUFFIXES, HDR_SUFFIXES):
         others = [path for path in paths if path.suffix.lower() not in kind]
         if 0 < len(others) < len(paths):
@@ -209,7 +213,13 @@ def _exif_exposures(paths: Sequence[Path], tags: Sequence[Exif]) -> list[Exposur
             raise InputError(
                 f"{silent[0]}: its EXIF tells no {name}, though other photographs' does; {HINT}"
             )
-    return [Exposure(tag.time_s or 0.0, tag.gain or 1.0, tag.f_number) for tag in tags]
+    exposures = []
+    for path, tag in zip(paths, tags, strict=True):
+        try:
+            exposures.append(Exposure(tag.time_s or 0.0, tag.gain or 1.0, tag.f_number))
+        except InputError as error:
+            raise InputError(f"{path}: its EXIF cannot be right: {error}; {HINT}") from None
+    return exposures
 
 
 def _order_of_time(paths: Sequence[Path], tags: Sequence[Exif]) -> list[int]:

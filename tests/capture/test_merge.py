@@ -1,5 +1,7 @@
 """The merge against a plain numpy version, closed forms, laws and its own variance."""
 
+import itertools
+import math
 from pathlib import Path
 
 import cv2
@@ -9,7 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from capture.errors import InputError
-from capture.frame import Bracket, Exposure, Frame
+from capture.frame import (
+    F_NUMBER_RANGE,
+    GAIN_RANGE,
+    TIME_RANGE_S,
+    Bracket,
+    Exposure,
+    Frame,
+)
 from capture.merge import merge_bracket
 from capture.radiance_files import read_hdr
 from capture.sensor import Sensor
@@ -240,6 +249,44 @@ def test_longer_times_mean_less_radiance(factor, seed):
     scaled = merge_bracket(bracket_of(counts, [0.01 * factor, 0.1 * factor, factor]), SRGB_8_BIT)
     np.testing.assert_allclose(scaled.radiance * factor, one.radiance, rtol=1e-5, atol=1e-7)
     np.testing.assert_allclose(scaled.variance * factor**2, one.variance, rtol=1e-5)
+
+
+@pytest.mark.parametrize("sensor", [SRGB_8_BIT, LINEAR_16_BIT], ids=lambda sensor: sensor.source)
+def test_no_exposure_is_too_extreme_for_the_arithmetic(sensor):
+    exposures = itertools.starmap(
+        Exposure, itertools.product(TIME_RANGE_S, GAIN_RANGE, F_NUMBER_RANGE)
+    )
+    dtype = np.uint8 if sensor.white_dn <= 255 else np.uint16
+    ends = [np.full((1, 2, 3), count, dtype) for count in (0, sensor.white_dn)]
+    for one, other in itertools.combinations(exposures, 2):
+        for counts in itertools.product(ends, repeat=2):
+            frames = map(Frame, counts, (one, other))
+            image = merge_bracket(Bracket(tuple(frames)), sensor)
+            assert np.isfinite(image.variance).all()
+            assert (image.variance > 0).all()
+            shortest = min((one, other), key=lambda exposure: exposure.signal)
+            np.testing.assert_array_equal(image.clipped, counts[int(shortest is other)].any())
+            if np.all(counts):
+                np.testing.assert_allclose(image.radiance, 1 / shortest.signal, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"time_s": 0.0},
+        {"time_s": -1.0},
+        {"time_s": math.nan},
+        {"time_s": math.inf},
+        {"time_s": 1e-40},
+        {"gain": 0.0},
+        {"f_number": 1e-3},
+    ],
+    ids=str,
+)
+def test_an_exposure_no_camera_makes_is_refused(changed):
+    (name,) = changed
+    with pytest.raises(InputError, match=name):
+        Exposure(**{"time_s": 1.0, **changed})
 
 
 def test_repeats_average_and_divide_the_variance():

@@ -78,6 +78,19 @@ def test_a_folder_that_is_no_series_is_refused(tmp_path, names, told):
         find_photographs([tmp_path])
 
 
+def test_an_empty_folder_among_others_is_named(tmp_path):
+    (tmp_path / "a.jpg").write_bytes(b"x")
+    (tmp_path / "recording").mkdir()
+    with pytest.raises(InputError, match="recording: no picture"):
+        find_photographs([tmp_path / "a.jpg", tmp_path / "recording"])
+
+
+def test_a_photograph_counts_once(tmp_path):
+    (tmp_path / "a.jpg").write_bytes(b"x")
+    with pytest.raises(InputError, match=r"a\.jpg is named 2 times"):
+        find_photographs([tmp_path, tmp_path / "a.jpg"])
+
+
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(InputError, match=r"gone\.jpg: no such file"):
         find_photographs([tmp_path / "gone.jpg"])
@@ -111,8 +124,8 @@ def test_without_times_brackets_are_put_a_second_apart_and_the_user_is_told(tmp_
     assert "1 s apart" in plan.notes[0]
 
 
-@pytest.mark.parametrize("time_s", [None, 0.0])
-def test_a_missing_or_zero_exposure_names_the_file_and_the_remedy(tmp_path, time_s):
+@pytest.mark.parametrize("time_s", [None, 0.0, 4e9])
+def test_a_missing_or_impossible_exposure_names_the_file_and_the_remedy(tmp_path, time_s):
     paths = [
         write_photograph(tmp_path / "good.jpg", 0.1),
         write_photograph(tmp_path / "bad.jpg", time_s),
