@@ -35,7 +35,8 @@ def exposure_warning(bracket: Bracket, sensor: Sensor) -> str:
     ------
     InputError
         If the exposure of larger signal is the darker by more than 0.3 EV, whatever the response;
-        or if linear counts disagree with their labels by more than 1 EV.
+        if linear counts disagree with their labels by more than 1 EV; or if the counts cannot be
+        the sensor's.
     """
     frames = _by_signal(bracket)
     is_linear = sensor.response is None or frames[0].counts.dtype == np.float32
@@ -73,6 +74,7 @@ def exposure_disagreement_ev(bracket: Bracket, sensor: Sensor) -> NDArray[np.flo
         Of float counts, which are linear and have no noise model, every positive one is usable.
     """
     frames = _by_signal(bracket)
+    sensor.check_counts(frames[0].counts.dtype)
     values = [_usable_values(frame, sensor) for frame in frames]
     measured = [_median_log2_ratio(shorter, longer) for shorter, longer in pairwise(values)]
     labelled = [_labelled_ev(a, b) for a, b in pairwise(frames)]

@@ -16,7 +16,6 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from capture.errors import InputError
 from capture.frame import Bracket, Frame
 from capture.radiance import RadianceImage, clean_radiance
 from capture.sensor import Sensor
@@ -87,13 +86,7 @@ def merge_bracket(bracket: Bracket, sensor: Sensor) -> RadianceImage:
     )
     if frames[0].counts.dtype == np.float32:
         return _average(frames)
-    is_8_bit = frames[0].counts.dtype == np.uint8
-    if is_8_bit != (sensor.white_dn <= 255):
-        raise InputError(
-            f"bracket {bracket.index} holds {8 if is_8_bit else 16}-bit counts, but its sensor "
-            f"({sensor.source}) is white at {sensor.white_dn:g}; give the camera's own white level"
-        )
-
+    sensor.check_counts(frames[0].counts.dtype)
     width, height = frames[0].size_px
     radiance = np.empty((height, width, 3), np.float32)
     variance = np.empty((height, width, 3), np.float32)

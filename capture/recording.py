@@ -96,9 +96,11 @@ class Recording:
         with ThreadPoolExecutor(min(len(records), _DECODERS)) as decoders:
             frames = tuple(decoders.map(self.read_frame, records))
         try:
-            return Bracket(frames, records[0].bracket)
+            bracket = Bracket(frames, records[0].bracket)
+            self.sensor.check_counts(frames[0].counts.dtype)
         except InputError as error:
             raise UnreadableFrame(f"{self.folder}: {error}") from None
+        return bracket
 
     def read_frame(self, record: FrameRecord) -> Frame:
         """Return one frame, after its digest and size were found to be as recorded.

@@ -73,12 +73,15 @@ def create_recording(
         raise InputError(f"{folder.parent} is not a folder; {folder.name} cannot be made there")
     copied = None if calibration is None else _calibration_bytes(calibration)
     replaced = replaces_recording(folder, force=force)
-    if replaced:
-        target = Path(tempfile.mkdtemp(prefix=f".partial-{folder.name}-", dir=folder.parent))
-        target.chmod(folder.stat().st_mode & 0o777)
-    else:
-        target = folder
-        target.mkdir(exist_ok=True)
+    target = folder
+    try:
+        if replaced:
+            target = Path(tempfile.mkdtemp(prefix=f".partial-{folder.name}-", dir=folder.parent))
+            target.chmod(folder.stat().st_mode & 0o777)
+        else:
+            target.mkdir(exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made ({error.strerror})") from None
     header = Manifest(
         camera=camera,
         sensor=sensor_record(sensor),
@@ -86,7 +89,11 @@ def create_recording(
         source=source,
         licence=licence,
     )
-    return RecordingWriter(target, folder, header, copied)
+    try:
+        return RecordingWriter(target, folder, header, copied)
+    except BaseException:
+        shutil.rmtree(target)
+        raise
 
 
 def replaces_recording(folder: Path, *, force: bool) -> bool:

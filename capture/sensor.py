@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from capture.arrays import read_only
+from capture.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,25 @@ class Sensor:
             response = read_only("response", self.response, np.float64, shape)
             if not np.all(np.isfinite(response)) or np.any(np.diff(response, axis=0) < 0):
                 raise ValueError("response must be finite and must not fall")
+            ends = response[[int(self.black_dn), -1]]
+            if not np.allclose(ends, [[0.0], [1.0]], rtol=0, atol=1e-3):
+                raise ValueError("response must rise from 0 at black to 1 at white")
             object.__setattr__(self, "response", response)
+
+    def check_counts(self, dtype: DTypeLike) -> None:
+        """Raise InputError if integer counts of `dtype` cannot be this sensor's.
+
+        8-bit counts go with a white level of 255 or less, 16-bit ones with a higher one; float
+        counts, which hold linear values, go with any.
+        """
+        if np.dtype(dtype) == np.float32:
+            return
+        is_8_bit = np.dtype(dtype) == np.uint8
+        if is_8_bit != (self.white_dn <= 255):
+            raise InputError(
+                f"{8 if is_8_bit else 16}-bit counts, but their sensor ({self.source}) is white at "
+                f"{self.white_dn:g}; give the camera's own white level"
+            )
 
     def linear_table(self) -> NDArray[np.float32]:
         """(65536 or 256, 3) linear value of every count; not clamped below black."""

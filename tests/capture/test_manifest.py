@@ -183,6 +183,9 @@ def test_a_sensor_that_contradicts_itself_is_refused():
         {"black_dn": 300.0},
         {"response": [(0.0, 0.0, 0.0), (1.0, 1.0, 1.0)]},
         {"response": []},
+        {"response": [(0.0, 0.0, 0.0)] * 256},
+        {"response": [(1.0, 1.0, 1.0)] * 256},
+        {"response": [(float(count),) * 3 for count in range(256)]},
     ):
         with pytest.raises(InputError, match="sensor"):
             sensor_of(msgspec.structs.replace(record, **changed))

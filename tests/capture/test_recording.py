@@ -33,7 +33,8 @@ def noise(dtype=np.uint8, size=(6, 8)):
 
 def record(folder: Path, pictures, times_s=(0.01,), timestamps_s=None, **options) -> Recording:
     """Write pictures as brackets of `times_s` and open the result."""
-    with create_recording(folder, "test camera", SENSOR, **options) as writer:
+    sensor = assumed_sensor(pictures[0].dtype) if pictures else SENSOR
+    with create_recording(folder, "test camera", sensor, **options) as writer:
         for index, picture in enumerate(pictures):
             timestamp_s = index / 10 if timestamps_s is None else timestamps_s[index]
             exposure = Exposure(times_s[index % len(times_s)], 2.0, 5.6)
@@ -172,6 +173,16 @@ def test_a_bracket_of_another_size_than_the_rest_is_unreadable(tmp_path):
     assert "8 x 5" in str(failure)
 
 
+def test_counts_that_cannot_be_the_sensors_are_unreadable(tmp_path):
+    record(tmp_path / "r", [noise(np.uint16)])
+    manifest = read_manifest(tmp_path / "r")
+    sensor = msgspec.structs.replace(manifest.sensor, white_dn=255.0)
+    write_manifest(tmp_path / "r", msgspec.structs.replace(manifest, sensor=sensor))
+    (failure,) = open_recording(tmp_path / "r")
+    assert isinstance(failure, UnreadableFrame)
+    assert "16-bit counts, but their sensor (assumed linear) is white at 255" in str(failure)
+
+
 def test_timestamps_that_fall_are_raised_and_counted(tmp_path):
     recording = record(tmp_path / "r", [noise()] * 5, timestamps_s=[0.0, 2.0, 1.0, 1.5, 3.0])
     assert recording.bracket_timestamps_s == (0.0, 2.0, 2.0, 2.0, 3.0)
@@ -234,6 +245,27 @@ def test_an_exception_leaves_nothing(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         write()
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("older", [False, True])
+def test_a_writer_that_cannot_begin_leaves_nothing(tmp_path, monkeypatch, older):
+    if older:
+        record(tmp_path / "r", [noise()])
+    before = tree(tmp_path)
+
+    def fail(*_: object) -> None:
+        raise InputError("the disk is full")
+
+    monkeypatch.setattr("capture.recording_writer.write_manifest", fail)
+    with pytest.raises(InputError, match="full"):
+        create_recording(tmp_path / "r", "", SENSOR, force=True)
+    assert tree(tmp_path) == before
+    assert [path.name for path in tmp_path.iterdir()] == ["r"] * older
+
+
+def test_a_place_that_takes_no_folder_is_named():
+    with pytest.raises(InputError, match="/proc/r: cannot be made"):
+        create_recording(Path("/proc/r"), "", SENSOR)
 
 
 def test_an_older_recording_is_replaced_only_by_force_and_only_when_complete(tmp_path):
