@@ -87,6 +87,8 @@ def inspect(recording: Path, *, thumbnails: Path | None = None, force: bool = Fa
     """
     opened = open_recording(recording)
     if thumbnails is not None:
+        if thumbnails.suffix.lower() != ".png":
+            raise InputError(f"{thumbnails}: wanted a file named .png")
         refuse_existing(thumbnails, force=force)
     examination = examine(opened)
     _print_facts(describe(opened, examination))

@@ -78,6 +78,7 @@ def test_exposures_replace_exif(tmp_path, photos, capsys):
         (("import", "photos", "-o", "out", "--calibration", "gone.json"), "gone.json"),
         (("merge", "photos", "-o", "out.exr", "--bracket", "7"), "no bracket 7"),
         (("merge", "photos", "-o", "out.txt"), "out.txt"),
+        (("merge", "photos", "-o", "out.exr", "--exposures", "1e-40,1,2"), "--exposures.*1e-40"),
         (("inspect", "photos"), "manifest.json"),
     ],
 )
@@ -130,6 +131,12 @@ def test_inspect_shows_the_rest_and_then_fails_on_a_damaged_frame(tmp_path, phot
     with pytest.raises(InputError, match=r"1 of 2 brackets: .*000001\.jpg"):
         run("inspect", tmp_path / "r")
     assert "frames: 6; 1 brackets cannot be read" in capsys.readouterr().out
+
+
+def test_a_sheet_is_a_png(tmp_path, photos):
+    run("import", photos, "-o", tmp_path / "r")
+    with pytest.raises(InputError, match=r"sheet\.jpg: wanted a file named \.png"):
+        run("inspect", tmp_path / "r", "--thumbnails", tmp_path / "sheet.jpg")
 
 
 def test_doubts_about_exposures_are_told_on_stderr(tmp_path, photos, capsys):
