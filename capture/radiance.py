@@ -100,8 +100,8 @@ def clean_radiance(radiance: NDArray[np.floating]) -> Cleaned:
     infinite = np.isinf(radiance)
     valid = ~(nan | infinite).any(axis=-1)
     negative = (radiance < 0) & valid[..., None]
-    clean = np.where(negative | ~valid[..., None], 0, radiance).astype(np.float32)
-    # A float64 value may overflow on its way to float32.
+    with np.errstate(over="ignore"):  # a float64 value may be infinite in float32
+        clean = np.where(negative | ~valid[..., None], 0, radiance).astype(np.float32)
     overflow = np.isinf(clean)
     if overflow.any():
         infinite |= overflow
