@@ -242,8 +242,7 @@ def _relative_difference(frame: Frame, other: Frame) -> float:
     width_px, height_px = frame.size_px
     step = math.ceil(math.sqrt(width_px * height_px / _COMPARED_PX))
     first, second = (each.counts[::step, ::step].astype(np.float32) for each in (frame, other))
-    is_float = frame.counts.dtype == np.float32
-    full = np.inf if is_float else 0.98 * np.iinfo(frame.counts.dtype).max
+    full = 0.98 * np.iinfo(frame.counts.dtype).max
     usable = np.minimum(first, second) < full
     blocks = (max(first.shape[1] // _BLOCK_PX, 1), max(first.shape[0] // _BLOCK_PX, 1))
     difference, total = (
