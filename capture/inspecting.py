@@ -103,8 +103,8 @@ def describe(recording: Recording, examination: Examination) -> list[tuple[str, 
             if not examination.failures
             else f"{frame_count}; {len(examination.failures)} brackets cannot be read",
         ),
-        ("clipped", f"{examination.clipped_share:.3%} of the shortest exposures' pixels"),
-        ("black", f"{examination.black_share:.3%} of the longest exposures' pixels"),
+        ("clipped", f"{_share_text(examination.clipped_share)} of the shortest exposures' pixels"),
+        ("black", f"{_share_text(examination.black_share)} of the longest exposures' pixels"),
     ]
 
 
@@ -180,6 +180,10 @@ def _exposures_text(recording: Recording) -> str:
         ends = f"{exposure_text(exposures[0])} to {exposure_text(exposures[-1])}"
         return f"{len(exposures)} from {ends} ({span_ev:.1f} EV)"
     return f"{', '.join(map(exposure_text, exposures))} ({span_ev:.1f} EV)"
+
+
+def _share_text(share: float) -> str:
+    return "an unknown share" if math.isnan(share) else f"{share:.3%}"
 
 
 def _duration_text(times_s: Sequence[float]) -> str:

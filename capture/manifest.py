@@ -162,7 +162,7 @@ def sensor_of(record: SensorRecord) -> Sensor:
             source=record.source,
         )
     except ValueError as error:
-        raise InputError(f"the manifest's sensor cannot be used: {error}") from None
+        raise InputError(f"the sensor cannot be used: {error}") from None
 
 
 def check_relative(name: str) -> None:

@@ -150,7 +150,10 @@ def open_recording(folder: Path) -> Recording:
         calibration_path = contained_file(folder, manifest.calibration)
     frames, raised_count = _with_rising_timestamps(manifest.frames)
     brackets = tuple(tuple(group) for _, group in groupby(frames, key=lambda frame: frame.bracket))
-    sensor = sensor_of(manifest.sensor)
+    try:
+        sensor = sensor_of(manifest.sensor)
+    except InputError as error:
+        raise InputError(f"{folder / MANIFEST_NAME}: {error}") from None
     return Recording(folder, manifest, sensor, calibration_path, brackets, raised_count)
 
 

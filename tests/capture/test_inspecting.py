@@ -90,9 +90,12 @@ def test_unreadable_brackets_are_counted_and_named(tmp_path):
 def test_shares_are_unknown_where_nothing_can_be_read(tmp_path):
     make(tmp_path / "r", 1)
     (tmp_path / "r" / "frames" / "000000.png").unlink()
-    examination = examine(open_recording(tmp_path / "r"))
+    recording = open_recording(tmp_path / "r")
+    examination = examine(recording)
     assert math.isnan(examination.clipped_share)
     assert math.isnan(examination.black_share)
+    facts = dict(describe(recording, examination))
+    assert facts["clipped"] == "an unknown share of the shortest exposures' pixels"
 
 
 def test_clipping_begins_at_the_saturation_and_black_at_the_black_level():

@@ -173,11 +173,22 @@ def test_a_bracket_of_another_size_than_the_rest_is_unreadable(tmp_path):
     assert "8 x 5" in str(failure)
 
 
+def change_sensor(folder: Path, **changed: object) -> None:
+    manifest = read_manifest(folder)
+    sensor = msgspec.structs.replace(manifest.sensor, **changed)
+    write_manifest(folder, msgspec.structs.replace(manifest, sensor=sensor))
+
+
+def test_a_sensor_that_cannot_be_used_is_told_with_its_file(tmp_path):
+    record(tmp_path / "r", [noise()])
+    change_sensor(tmp_path / "r", black_dn=250.0)  # where its response, sRGB, is 0.96
+    with pytest.raises(InputError, match=r"manifest\.json: the sensor .* from 0 at black"):
+        open_recording(tmp_path / "r")
+
+
 def test_counts_that_cannot_be_the_sensors_are_unreadable(tmp_path):
     record(tmp_path / "r", [noise(np.uint16)])
-    manifest = read_manifest(tmp_path / "r")
-    sensor = msgspec.structs.replace(manifest.sensor, white_dn=255.0)
-    write_manifest(tmp_path / "r", msgspec.structs.replace(manifest, sensor=sensor))
+    change_sensor(tmp_path / "r", white_dn=255.0)
     (failure,) = open_recording(tmp_path / "r")
     assert isinstance(failure, UnreadableFrame)
     assert "16-bit counts, but their sensor (assumed linear) is white at 255" in str(failure)
