@@ -1,12 +1,14 @@
 """Which cells of the lat-long grid the light of a camera pixel belongs to.
 
 Input  : directions of a pixel's corners.    Output : cells and weights that sum to 1.
-A pixel is a spherical quadrilateral. It is divided into sub-samples, and each is shared among the
-cells around it by a tent in row and column. A tent of one cell keeps the position of what it
-shares out; where a sub-sample spans more than a cell (magnification; columns near a pole) its tent
-spans as much, so that no cell between two sub-samples is left out.
+A pixel is a spherical quadrilateral. It is divided into sub-samples, each of which stands for the
+area around it (a pixel that ends in a pole is a wedge) and is shared among the cells around it by a
+tent in row and column. A tent of one cell keeps the position of what it shares out; where a
+sub-sample spans more than a cell (magnification; columns near a pole) its tent spans as much, so
+that no cell between two sub-samples is left out.
 Domain : the compiled kernels work on plain arrays; lighting/remap.py is their door.
-Fails  : for pixels that span more than about 90°, whose corners no longer tell their shape.
+Fails  : for pixels that span more than about 90°, whose corners no longer tell their shape; in the
+outermost rows of a 360° picture magnified twofold or more, whose pixels gain or lose up to 5 %.
 """
 
 import math
@@ -116,7 +118,7 @@ def pixel_footprint(  # type: ignore[no-untyped-def]
         splits = 4
 
     count = 0
-    share = 1.0 / (splits * splits)
+    total = 0.0
     for j in range(splits):
         v = (j + 0.5) / splits
         for i in range(splits):
@@ -134,16 +136,33 @@ def pixel_footprint(  # type: ignore[no-untyped-def]
             extent_columns = (
                 abs(ax * cos_phi - az * sin_phi) + abs(bx * cos_phi - bz * sin_phi)
             ) / sin_theta
+            area = _parallelogram_area(
+                (1 - v) * (c01[0] - c00[0]) + v * (c11[0] - c10[0]),
+                (1 - v) * (c01[1] - c00[1]) + v * (c11[1] - c10[1]),
+                (1 - v) * (c01[2] - c00[2]) + v * (c11[2] - c10[2]),
+                (1 - u) * (c10[0] - c00[0]) + u * (c11[0] - c01[0]),
+                (1 - u) * (c10[1] - c00[1]) + u * (c11[1] - c01[1]),
+                (1 - u) * (c10[2] - c00[2]) + u * (c11[2] - c01[2]),
+            )
+            total += area
             half_rows = min(max(1.0, extent_rows / splits), float(height))
             half_columns = min(max(1.0, extent_columns / splits), float(height))
             row = math.atan2(rho, dy) * per_rad - 0.5
             column = (math.pi - math.atan2(dx, dz)) * per_rad - 0.5
             count = _share_out(
-                share, row, half_rows, column, half_columns, factors, slot, cells, weights, count
+                area, row, half_rows, column, half_columns, factors, slot, cells, weights, count
             )
     for k in range(count):
         slot[cells[k]] = -1
+        weights[k] /= total
     return count, solid_angle
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _parallelogram_area(ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
+    """Return |a × b|, but not 0, so that shares of it can be taken."""
+    x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    return max(math.sqrt(x * x + y * y + z * z), 1e-300)
 
 
 @njit(cache=True, nogil=True)

@@ -179,6 +179,18 @@ def test_every_pixel_keeps_its_flux_and_its_place(height: int) -> None:
     assert (angle_between(placed, directions)[inside]).max() < 0.1 * cell_rad
 
 
+@pytest.mark.parametrize("height", [32, 64, 96, 128, 150])
+def test_every_pixel_of_a_360_degree_picture_keeps_its_flux_to_the_poles(height: int) -> None:
+    width, rows = 192, 96
+    remap = build_remap(Calibration(full_sphere((width, rows)), (width, rows), np.pi), height)
+    assert remap.coverage.min() == 1
+    flux = from_each_pixel(remap, np.repeat(solid_angles(height), 2 * height)[:, None])
+    # A pixel of a lat-long picture has the solid angle (2π/W)(cos θ_top − cos θ_bottom).
+    pixel_sr = 2 * np.pi / width * -np.diff(np.cos(np.linspace(0, np.pi, rows + 1)))
+    expected = np.broadcast_to(pixel_sr[:, None], (rows, width))
+    np.testing.assert_allclose(flux.reshape(rows, width), expected, rtol=0.01)
+
+
 @pytest.mark.parametrize("height", [64, 128, 256, 512, 1024])
 def test_a_sun_of_half_a_pixel_keeps_its_flux_and_its_place(height: int) -> None:
     camera, remap = large_remap(height)
