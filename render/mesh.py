@@ -3,12 +3,11 @@
 Input  : a file that trimesh reads.    Output : Model: meshes in the file's own frame and unit.
 Kept   : positions, normals, base colour with its texture or vertex colours, roughness and metalness
          with their texture; OBJ's Kd or map_Kd, and Ns as roughness.
-Not kept: normal, occlusion and emission maps, transparency, colours per face, animation; `notes`
-         says so. Reflectance factors come in steps of 1/255, which is how trimesh holds them.
+Not kept: normal, occlusion and emission maps, transparency, colours per face, glTF's extensions;
+         `notes` says so. Animation. Reflectance factors come in steps of 1/255, which is how
+         trimesh holds them.
 """
 
-import json
-import struct
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,24 +18,20 @@ from numpy.typing import NDArray
 
 from capture.errors import InputError
 from capture.sensor import srgb_decode
+from render.gltf import check_gltf
 from render.scene import Material, Mesh
 
 MESH_SUFFIXES = (".obj", ".gltf", ".glb", ".ply")
 MAX_FACES = 20_000_000
 
-# Extensions that change what the file's numbers mean, and that trimesh passes over.
-_UNREADABLE_EXTENSIONS = (
-    "KHR_draco_mesh_compression",
-    "EXT_meshopt_compression",
-    "KHR_mesh_quantization",
-    "KHR_texture_basisu",
-)
 _IGNORED_MAPS = {
     "normalTexture": "normal maps",
     "occlusionTexture": "occlusion maps",
     "emissiveTexture": "emission maps",
 }
-_GLB_MAGIC, _GLB_JSON = 0x46546C67, 0x4E4F534A
+# What float32 holds: squares of lengths, and a thousandth of the extent beside the coordinates.
+_SMALLEST_EXTENT_M, _LARGEST_EXTENT_M = 1e-12, 1e12
+_FARTHEST_IN_EXTENTS = 1000
 
 
 @dataclass(frozen=True)
@@ -51,23 +46,25 @@ def load_meshes(path: Path) -> Model:
     """Return the triangles of a file with their materials.
 
     Normals that the file does not give are made smooth, except in glTF, where the standard asks
-    for flat ones. sRGB is decoded: textures, vertex colours, and OBJ's Kd, which the format leaves
-    open and most programs take as a display colour. Where OBJ names a colour map, Kd is not
-    applied. glTF's factors are linear already.
+    for flat ones. sRGB is decoded: textures, vertex colours of PLY and OBJ, and OBJ's Kd, which the
+    formats leave open and most programs take as display colours. Where OBJ names a colour map, Kd
+    is not applied. glTF's factors and vertex colours are linear already.
 
     Raises
     ------
     InputError
-        If the file cannot be read, is compressed, or has no triangles, more than 20 million of
-        them, or vertices that are not finite.
+        If the file cannot be read, is compressed, has no triangles, more than 20 million of them,
+        or vertices that are not finite, or if float32 cannot hold its shape.
     """
     suffix = path.suffix.lower()
     if suffix not in MESH_SUFFIXES:
         raise InputError(f"{path}: a mesh is read from {', '.join(MESH_SUFFIXES)}")
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    if suffix in (".gltf", ".glb"):
-        _refuse_unreadable_extensions(path)
+    is_gltf = suffix in (".gltf", ".glb")
+    notes: set[str] = set()
+    if is_gltf:
+        notes.update(check_gltf(path))
     try:
         scene = trimesh.load_scene(path, process=False)
         parts = [
@@ -83,10 +80,9 @@ def load_meshes(path: Path) -> Model:
     face_count = sum(len(part.faces) for part, _ in parts)
     if face_count > MAX_FACES:
         raise InputError(f"{path}: {face_count} triangles, more than {MAX_FACES}; simplify it")
-    flat = suffix in (".gltf", ".glb")
-    notes: set[str] = set()
     try:
-        meshes = tuple(_mesh(part, transform, flat, notes) for part, transform in parts)
+        meshes = tuple(_mesh(part, transform, is_gltf, notes) for part, transform in parts)
+        _check_extent(meshes)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     return Model(meshes, tuple(f"{path.name}: {note} ignored" for note in sorted(notes)))
@@ -112,19 +108,19 @@ def smooth_normals(
 
 
 def _mesh(
-    part: trimesh.Trimesh, transform: NDArray[np.float64], flat: bool, notes: set[str]
+    part: trimesh.Trimesh, transform: NDArray[np.float64], is_gltf: bool, notes: set[str]
 ) -> Mesh:
     # trimesh computes normals on demand; those already in its cache are the file's.
     given = "vertex_normals" in part._cache.cache
     positions = np.asarray(part.vertices, np.float64) @ transform[:3, :3].T + transform[:3, 3]
     faces = np.asarray(part.faces, np.int32)
-    material, coordinates, colour = _appearance(part.visual, notes)
+    material, coordinates, colour = _appearance(part.visual, is_gltf, notes)
     if not np.all(np.isfinite(positions)):
         raise InputError("vertices are NaN or infinite")
     if given:
         # Normals transform with the inverse transpose.
         normals = _unit_or_up(np.asarray(part.vertex_normals) @ np.linalg.pinv(transform[:3, :3]))
-    elif flat:
+    elif is_gltf:
         corners = faces.reshape(-1)
         positions = positions[corners]
         coordinates = None if coordinates is None else coordinates[corners]
@@ -144,20 +140,25 @@ def _mesh(
 
 
 def _appearance(
-    visual: Any, notes: set[str]
+    visual: Any, is_gltf: bool, notes: set[str]
 ) -> tuple[Material, NDArray[np.float64] | None, NDArray[np.float64] | None]:
     """Material, texture coordinates (V, 2) and linear vertex colour (V, 3) of a part."""
     if visual.kind == "vertex":
-        colour = srgb_decode(np.asarray(visual.vertex_colors)[:, :3] / 255)
-        return Material((1.0, 1.0, 1.0)), None, colour
+        colour = _share_of_largest(visual.vertex_colors)
+        return Material((1.0, 1.0, 1.0)), None, colour if is_gltf else srgb_decode(colour)
     if visual.kind == "face":
         notes.add("colours per face are")
     if visual.kind != "texture":
         return Material(), None, None
     material, uv = visual.material, visual.uv
     coordinates = None if uv is None else np.asarray(uv, np.float64)
-    if isinstance(material, trimesh.visual.material.PBRMaterial):
-        return _from_gltf(material, coordinates is not None, notes), coordinates, None
+    if is_gltf:
+        colours = visual.vertex_attributes.get("color")
+        return (
+            _from_gltf(material, coordinates is not None, notes),
+            coordinates,
+            None if colours is None else _share_of_largest(colours),
+        )
     return _from_obj(material, coordinates is not None), coordinates, None
 
 
@@ -196,36 +197,34 @@ def _from_obj(material: Any, has_coordinates: bool) -> Material:
     return Material(base, roughness)
 
 
+def _share_of_largest(colours: Any) -> NDArray[np.float64]:
+    """R, G, B in [0, 1] of colours (V, 3 or 4), which are float or unsigned integers."""
+    values = np.asarray(colours)[:, :3]
+    largest = np.iinfo(values.dtype).max if values.dtype.kind == "u" else 1
+    return np.clip(values.astype(np.float64) / largest, 0, 1)
+
+
 def _pixels(image: Any) -> NDArray[np.uint8]:
     """R, G, B of a PIL image, (h, w, 3)."""
     return np.asarray(image.convert("RGB"))
 
 
-def _refuse_unreadable_extensions(path: Path) -> None:
-    used = _gltf_header(path).get("extensionsUsed", [])
-    for name in _UNREADABLE_EXTENSIONS:
-        if name in used:
-            raise InputError(
-                f"{path}: is packed with {name}, which fishlight cannot read; export it without "
-                "(for Draco: gltf-transform copy in.glb out.glb)"
-            )
-
-
-def _gltf_header(path: Path) -> dict[str, Any]:
-    """Return the JSON of a glTF or GLB file."""
-    try:
-        data = path.read_bytes()
-        if path.suffix.lower() == ".glb":
-            magic, _, _, length, kind = struct.unpack_from("<5I", data)
-            if (magic, kind) != (_GLB_MAGIC, _GLB_JSON) or len(data) < 20 + length:
-                raise ValueError("no GLB header")
-            data = data[20 : 20 + length]
-        header = json.loads(data)
-        if not isinstance(header, dict):
-            raise ValueError("no JSON object")
-    except (ValueError, struct.error) as error:
-        raise InputError(f"{path}: not a complete glTF file ({error})") from None
-    return header
+def _check_extent(meshes: tuple[Mesh, ...]) -> None:
+    """Raise InputError for what float32 arithmetic would draw wrong without a word."""
+    low = np.min([mesh.positions.min(axis=0) for mesh in meshes], axis=0).astype(np.float64)
+    high = np.max([mesh.positions.max(axis=0) for mesh in meshes], axis=0).astype(np.float64)
+    extent_m = float(np.linalg.norm(high - low))
+    farthest_m = float(np.maximum(np.abs(low), np.abs(high)).max())
+    if not _SMALLEST_EXTENT_M <= extent_m <= _LARGEST_EXTENT_M:
+        raise InputError(
+            f"is {extent_m:g} m across; from {_SMALLEST_EXTENT_M:g} to {_LARGEST_EXTENT_M:g} m "
+            "can be drawn"
+        )
+    if farthest_m > _FARTHEST_IN_EXTENTS * extent_m:
+        raise InputError(
+            f"is {extent_m:g} m across but {farthest_m:g} m from the origin, too far for float32 "
+            "to hold its shape; move it to the origin"
+        )
 
 
 def _face_normals(

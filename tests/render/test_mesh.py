@@ -1,5 +1,6 @@
 """Mesh files: what comes in, and what is refused."""
 
+import base64
 import json
 import struct
 from pathlib import Path
@@ -117,6 +118,14 @@ def test_what_is_ignored_is_said(tmp_path):
     )
 
 
+def test_extensions_that_are_ignored_are_said(tmp_path):
+    path, _ = gltf_box(tmp_path / "b.gltf")
+    header = json.loads(path.read_text())
+    header["extensionsUsed"] = ["KHR_texture_transform", "EXT_texture_webp"]
+    path.write_text(json.dumps(header))
+    assert load_meshes(path).notes == ("b.gltf: what KHR_texture_transform says is ignored",)
+
+
 def test_ply_vertex_colours_are_decoded_from_srgb(tmp_path):
     header = "ply\nformat ascii 1.0\nelement vertex 3\n"
     header += "".join(f"property float {axis}\n" for axis in "xyz")
@@ -125,6 +134,56 @@ def test_ply_vertex_colours_are_decoded_from_srgb(tmp_path):
     body = "0 0 0 255 0 0\n1 0 0 188 188 188\n0 1 0 0 0 255\n3 0 1 2\n"
     (mesh,) = load_meshes(write(tmp_path / "t.ply", header + body)).meshes
     assert_allclose(mesh.vertex_colour, [[1, 0, 0], [0.503] * 3, [0, 0, 1]], atol=1e-3)
+
+
+COMPONENT_TYPES = {"u1": 5121, "u2": 5123, "f4": 5126}
+
+
+def gltf_triangle_with_colours(path, colours, **primitive):
+    """A triangle whose COLOR_0 is the array; integers are normalised."""
+    data = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]]).tobytes() + colours.tobytes()
+    uri = "data:application/octet-stream;base64," + base64.b64encode(data).decode()
+    kind = colours.dtype.str[1:]
+    header = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "buffers": [{"byteLength": len(data), "uri": uri}],
+        "bufferViews": [
+            {"buffer": 0, "byteLength": 36},
+            {"buffer": 0, "byteOffset": 36, "byteLength": len(data) - 36},
+        ],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+            {
+                "bufferView": 1,
+                "componentType": COMPONENT_TYPES[kind],
+                "normalized": kind != "f4",
+                "count": 3,
+                "type": "VEC4",
+            },
+        ],
+        "materials": [{"pbrMetallicRoughness": {}}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "COLOR_0": 1}, **primitive}]}],
+    }
+    return write(path, json.dumps(header))
+
+
+@pytest.mark.parametrize("kind", ["u1", "u2", "f4"])
+@pytest.mark.parametrize("primitive", [{}, {"material": 0}])
+def test_gltf_vertex_colours_are_linear(tmp_path, kind, primitive):
+    share = np.array([[1.0, 0.0, 0.2, 1.0], [0.4, 0.6, 0.8, 1.0], [0.2, 0.2, 0.2, 1.0]])
+    largest = 1.0 if kind == "f4" else np.iinfo(kind).max
+    colours = np.round(share * largest, 6).astype("<" + kind)
+    path = gltf_triangle_with_colours(tmp_path / "t.gltf", colours, **primitive)
+    if kind == "u2" and not primitive:
+        with pytest.raises(InputError, match="16-bit vertex colours"):
+            load_meshes(path)
+        return
+    (mesh,) = load_meshes(path).meshes
+    assert_allclose(mesh.vertex_colour, share[:, :3], atol=1e-6)
+    assert mesh.material.base_colour == (1, 1, 1)
 
 
 def test_smooth_normals_of_a_sphere_are_radial_across_seams():
@@ -154,11 +213,20 @@ def glb(header):
         ("a.obj", b"hello, this is a text\n", "no triangles"),
         ("a.obj", b"v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n", "NaN"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "a.obj"),
+        ("a.obj", b"v 0 0 0\nv 0 0 0\nv 0 0 0\nf 1 2 3\n", "0 m across"),
+        ("a.obj", b"v 0 0 0\nv 1e-30 0 0\nv 0 1e-30 0\nf 1 2 3\n", "1e-30 m across"),
+        ("a.obj", b"v 1e6 0 0\nv 1000001 0 0\nv 1e6 1 0\nf 1 2 3\n", "move it to the origin"),
         ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 3\n", "not a readable mesh"),
         ("a.glb", b"glTF", "not a complete glTF"),
         ("a.glb", glb({"asset": {"version": "2.0"}})[:30], "not a complete glTF"),
         ("a.gltf", b"[1, 2]", "not a complete glTF"),
         ("a.gltf", b'{"asset": {"version": "2.0"}}', "a.gltf"),
+        ("a.glb", glb({"meshes": [{}]}), "not a valid glTF"),
+        (
+            "a.glb",
+            glb({"meshes": [{"primitives": [{"attributes": {"COLOR_0": 3}}]}]}),
+            "valid glTF",
+        ),
         ("a.glb", glb({"extensionsUsed": ["KHR_draco_mesh_compression"]}), "Draco"),
     ],
 )
