@@ -22,7 +22,8 @@ def fill_unseen(environment: EnvironmentMap, fill: Fill) -> EnvironmentMap:
 
     "mean" is weighted by solid angle. "mirror" takes the cell as far on the other side of the
     horizon, and the mean where that was not seen either: a fair guess for the ground under a sky,
-    which reflects it, but a sun is then there twice.
+    which reflects it, but a sun is then there twice; the mirror image of a clipped cell is a lower
+    bound too, and marked.
 
     Raises
     ------
@@ -33,6 +34,7 @@ def fill_unseen(environment: EnvironmentMap, fill: Fill) -> EnvironmentMap:
         raise InputError(f"fill must be {', '.join(get_args(Fill))}, got {fill}")
     seen = environment.valid
     radiance = np.where(seen[..., None], environment.radiance, np.float32(0))
+    clipped = environment.clipped.copy()
     if fill != "black" and not seen.all():
         weight = seen * solid_angles(environment.height)[:, None]
         total = weight.sum()
@@ -43,4 +45,5 @@ def fill_unseen(environment: EnvironmentMap, fill: Fill) -> EnvironmentMap:
         if fill == "mirror":
             from_mirror = ~seen & seen[::-1]
             radiance[from_mirror] = radiance[::-1][from_mirror]
-    return replace(environment, radiance=radiance)
+            clipped |= from_mirror & environment.clipped[::-1]
+    return replace(environment, radiance=radiance, clipped=clipped)

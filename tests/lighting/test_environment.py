@@ -88,6 +88,14 @@ def test_mirror_reflects_at_the_horizon_and_falls_back_to_the_mean() -> None:
     np.testing.assert_array_equal(filled.valid, seen)
 
 
+def test_the_mirror_image_of_a_clipped_cell_is_a_lower_bound_too() -> None:
+    environment = upper_half(np.ones((4, 8)))
+    clipped = np.zeros((4, 8), bool)
+    clipped[1, 3] = True
+    filled = fill_unseen(replace(environment, clipped=clipped), "mirror")
+    np.testing.assert_array_equal(np.argwhere(filled.clipped), [[1, 3], [2, 3]])
+
+
 def test_a_map_that_saw_nothing_has_no_mean() -> None:
     environment = replace(constant(4), valid=np.zeros((4, 8), bool))
     assert fill_unseen(environment, "black").radiance.max() == 0
