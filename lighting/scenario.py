@@ -7,6 +7,7 @@ from it, so that their direction and flux are known exactly.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,22 +104,32 @@ class Moment:
     def true_map(self) -> EnvironmentMap:
         """Return the mean radiance over each cell of the map's grid in the world, exact in yaw.
 
-        This is what a perfect camera and remap would give.
+        This is what a perfect camera and remap would give. The map's marks turn with it.
         """
         height = self.environment.height
         turn = self.yaw_rad * height / np.pi
         whole = int(np.floor(turn))
-        # A cell in the world lies on two of the map's, which have turned by a fraction of a cell.
-        near = np.roll(self.environment.radiance.astype(np.float64), -whole, axis=1)
-        far = np.roll(near, -1, axis=1)
-        radiance = self.brightness * ((1 - (turn - whole)) * near + (turn - whole) * far)
+        part = turn - whole
+
+        def near_and_far(cells: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+            """Return the two cells of the turned map that each cell in the world lies on."""
+            near = np.roll(cells, -whole, axis=1)
+            return near, np.roll(near, -1, axis=1) if part else near
+
+        near, far = near_and_far(self.environment.radiance.astype(np.float64))
+        radiance = self.brightness * ((1 - part) * near + part * far)
         cell_sr = solid_angles(height)
         for disc in self.discs:
             columns, rows = np.rint(direction_to_grid(disc.points(1 << 14), height)).astype(int).T
             shares = np.zeros((height, 2 * height))
             np.add.at(shares, (np.clip(rows, 0, height - 1), columns % (2 * height)), 2.0**-14)
             radiance += shares[..., None] * disc.irradiance / cell_sr[:, None, None]
-        return replace(self.environment, radiance=radiance.astype(np.float32))
+        return replace(
+            self.environment,
+            radiance=radiance.astype(np.float32),
+            valid=np.logical_and(*near_and_far(self.environment.valid)),
+            clipped=np.logical_or(*near_and_far(self.environment.clipped)),
+        )
 
 
 def scenario(

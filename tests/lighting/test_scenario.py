@@ -145,6 +145,19 @@ def test_the_true_map_turns_from_plus_z_toward_plus_x() -> None:
         assert longitude == pytest.approx((cells - 0.5) * np.pi / HEIGHT, abs=1e-4)
 
 
+def test_the_marks_of_the_true_map_turn_with_it() -> None:
+    world = environment(np.ones((4, 8, 3)))
+    valid, clipped = np.ones((4, 8), bool), np.zeros((4, 8), bool)
+    valid[1, 6], clipped[2, 4] = False, True
+    moment = Moment(0.0, replace(world, valid=valid, clipped=clipped))
+    for cells, touched in ((3.0, [0]), (3.25, [-1, 0])):  # toward +X: to smaller columns
+        turned = replace(moment, yaw_rad=cells * np.pi / 4).true_map()
+        np.testing.assert_array_equal(np.argwhere(~turned.valid), [[1, 3 + c] for c in touched])
+        np.testing.assert_array_equal(
+            np.argwhere(turned.clipped), [[2, (1 + c) % 8] for c in touched]
+        )
+
+
 def test_a_disc_lies_on_the_cells_of_the_true_map_that_it_covers() -> None:
     dark = environment(np.zeros((HEIGHT, 2 * HEIGHT, 3)))
     disc = Disc("lamp", SUN, 0.25, np.array([1.0, 1.0, 1.0]))
