@@ -113,7 +113,9 @@ class Calibration:
         if width < 1 or height < 1:
             raise InputError(f"image_size_px must be positive, got {self.image_size_px}")
         if not 0 < self.valid_angle_rad <= np.pi + 1e-9:
-            raise InputError(f"valid_angle_rad must be in (0, π], got {self.valid_angle_rad}")
+            raise InputError(
+                f"valid_angle_rad must be in (0, π], 3.14159 at most, got {self.valid_angle_rad}"
+            )
         rotation = read_only("R_world_camera", self.R_world_camera, np.float64, (3, 3))
         is_rotation = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6)
         if not is_rotation or np.linalg.det(rotation) < 0:

@@ -46,7 +46,7 @@ def read_calibration(path: Path) -> Calibration:
     ------
     InputError
         If the file cannot be read, a key is unknown or missing, or a value has the wrong type or
-        is out of range; angles above π are taken for degrees and refused.
+        is out of range; above a full turn the message supposes that degrees were meant.
     """
     content = _read_object(path)
     name = content.pop("model", None)
@@ -61,7 +61,7 @@ def read_calibration(path: Path) -> Calibration:
         raise InputError(f'{path}: unknown key "{unknown[0]}"; known are {", ".join(known)}')
     own = {key: value for key, value in content.items() if key in camera_keys}
     camera: _Camera = _convert(path, own, _Camera)
-    if camera.valid_angle_rad > np.pi:
+    if camera.valid_angle_rad > 2 * np.pi:
         raise InputError(
             f"{path}: valid_angle_rad must be in (0, π], got {camera.valid_angle_rad}; "
             f"if those are degrees, write {np.deg2rad(camera.valid_angle_rad):.4f}"
@@ -116,7 +116,7 @@ def _read_object(path: Path) -> dict[str, Any]:
         return msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
     except OSError as error:
         raise InputError(f"calibration {path} cannot be read: {error.strerror}") from None
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"{path} is not a calibration file in JSON: {error}") from None
 
 

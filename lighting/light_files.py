@@ -64,7 +64,7 @@ def read_lights(path: Path) -> LightSet:
         file = msgspec.json.decode(path.read_bytes(), type=_LightFile)
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from error
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"{path} is not a lights.json file: {error}") from error
     _check_header(path, file)
 

@@ -94,6 +94,7 @@ WITHOUT = object()
         ("focal_px", -1, "positive"),
         ("valid_angle_rad", WITHOUT, "valid_angle_rad"),
         ("valid_angle_rad", 93, r"degrees.*1\.6232"),
+        ("valid_angle_rad", 3.1416, r"3\.14159 at most"),
         ("image_size_px", [5616.5, 3744], "image_size_px"),
         ("image_size_px", [5616, 0], "image_size_px"),
         ("centre_px", [1], "centre_px"),
@@ -118,7 +119,16 @@ def test_a_wrong_key_is_named_in_one_line(tmp_path: Path, key, value, told) -> N
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"{", b"[1]", b"\xff\xd8\xff", b'{"focal_px": NaN}', b" " * (2 << 20)]
+    "content",
+    [
+        b"",
+        b"{",
+        b"[1]",
+        b"\xff\xd8\xff",
+        b'{"focal_px": NaN}',
+        b" " * (2 << 20),
+        b'{"": ' + b"[" * 9999,
+    ],
 )
 def test_what_is_no_calibration_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "cal.json"

@@ -160,7 +160,16 @@ def test_what_cannot_be_meant_is_refused(tmp_path, fields, message):
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"{", b"[]", b'{"lights": [1e999]}', b"\xff\xfe", b'{"source": "\xff"}']
+    "content",
+    [
+        b"",
+        b"{",
+        b"[]",
+        b'{"lights": [1e999]}',
+        b"\xff\xfe",
+        b'{"source": "\xff"}',
+        b'{"unknown": ' + b"[" * 9999,
+    ],
 )
 def test_what_is_no_json_object_is_refused(tmp_path, content):
     path = tmp_path / "lights.json"
