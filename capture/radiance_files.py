@@ -9,7 +9,7 @@ Fails  : a file that does not name its primaries is taken to be Rec.709.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +43,8 @@ class HdrPicture:
         "relative" unless the file names a unit.
     notes : tuple of str
         What was done on the way, for people.
+    attributes : mapping
+        The header of an EXR file; empty for .hdr.
     """
 
     rgb: NDArray[np.float32]
@@ -51,6 +53,7 @@ class HdrPicture:
     variance: NDArray[np.float32] | None = None
     scale: str = RELATIVE
     notes: tuple[str, ...] = ()
+    attributes: Mapping[str, Any] = field(default_factory=dict)
 
 
 def read_hdr(path: Path) -> HdrPicture:
@@ -170,6 +173,7 @@ def _read_exr_picture(path: Path) -> HdrPicture:
         ),
         scale=scale if isinstance(scale, str) else RELATIVE,
         notes=notes,
+        attributes=file.attributes,
     )
     return _in_rec709(path, picture, file.attributes.get("chromaticities", REC709))
 

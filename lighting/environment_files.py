@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import InputError
-from capture.exr import read_exr
 from capture.radiance import Cleaned, clean_radiance
 from capture.radiance_files import read_hdr, write_hdr
 from lighting.environment import EnvironmentMap
@@ -45,7 +44,7 @@ def read_environment(path: Path) -> tuple[EnvironmentMap, Cleaned]:
     radiance = cleaned.radiance
     valid = cleaned.valid if picture.valid is None else cleaned.valid & picture.valid
     clipped = np.zeros_like(valid) if picture.clipped is None else picture.clipped
-    if path.suffix.lower() == ".exr" and _has_seam_centres(path):
+    if "LATLONG" in str(picture.attributes.get("envmap", "")):
         radiance = _cells_from_centres(radiance)
         valid = _cells_from_centres(valid.astype(np.float32)) > 1 - 1e-6
         clipped = _cells_from_centres(clipped.astype(np.float32)) > 0
@@ -69,10 +68,6 @@ def write_environment(
         attributes=attributes,
         force=force,
     )
-
-
-def _has_seam_centres(path: Path) -> bool:
-    return "LATLONG" in str(read_exr(path).attributes.get("envmap", ""))
 
 
 def _cells_from_centres(picture: NDArray[np.float32]) -> NDArray[np.float32]:

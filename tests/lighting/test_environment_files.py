@@ -6,6 +6,7 @@ import numpy as np
 import OpenEXR
 import pytest
 
+import capture.exr
 from capture.errors import InputError
 from capture.exr import read_exr, write_exr
 from capture.radiance_files import write_hdr
@@ -58,6 +59,19 @@ def test_a_picture_that_is_no_lat_long_map_is_refused(
     write_hdr(path, np.ones((*size, 3), np.float32))
     with pytest.raises(InputError, match=rf"picture\.exr.*twice as wide.*{size[1]}×{size[0]}"):
         read_environment(path)
+
+
+def test_a_file_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_environment(tmp_path / "map.exr", sample_map())
+    read = []
+
+    def noted(path: Path) -> bytes:
+        read.append(path)
+        return path.read_bytes()
+
+    monkeypatch.setattr(capture.exr, "read_bytes", noted)
+    read_environment(tmp_path / "map.exr")
+    assert read == [tmp_path / "map.exr"]
 
 
 def test_an_odd_number_of_rows_is_a_map(tmp_path: Path) -> None:
