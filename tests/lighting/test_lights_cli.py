@@ -5,12 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calibration.camera import UP, Calibration
+from calibration.files import write_calibration
+from calibration.models.equidistant import Equidistant
 from capture.errors import InputError
+from capture.exr import write_exr
 from lighting.environment import EnvironmentMap
 from lighting.environment_files import read_environment, write_environment
 from lighting.light_files import read_lights
 from lighting.lights_cli import lights
 from lighting.reduce import reduce_to_lights
+from lighting.remap_cli import remap
 from tests.environments import environment, outdoors
 
 DATA = Path(__file__).resolve().parents[2].parent / "shared/data"
@@ -33,6 +38,27 @@ def test_writes_the_lights_of_the_map(map_path, tmp_path, capsys):
     printed = capsys.readouterr().out
     assert printed.count("\n") == 1
     assert "map.exr: 10 lights by inverse-cdf" in printed
+
+
+@pytest.mark.parametrize("fill", ["black", "mean", "mirror"])
+def test_what_the_remap_filled_lights_too(tmp_path, fill):
+    # Half of the directions are seen, all of radiance 2; the other half holds the fill.
+    lens = Equidistant((31.5, 31.5), 64 / np.pi)
+    write_calibration(tmp_path / "cal.json", Calibration(lens, (64, 64), np.pi / 2, UP))
+    plane = np.full((64, 64), 2.0, np.float32)
+    write_exr(tmp_path / "radiance.exr", dict.fromkeys("RGB", plane), {})
+    remap(
+        tmp_path / "radiance.exr",
+        calibration=tmp_path / "cal.json",
+        output=tmp_path / "map.exr",
+        height=32,
+        fill=fill,
+    )
+    lights(tmp_path / "map.exr", output=tmp_path / "lights.json")
+    filled = read_lights(tmp_path / "lights.json")
+    share = 0.5 if fill == "black" else 1.0
+    np.testing.assert_allclose(filled.irradiance.sum(axis=0), share * 4 * np.pi * 2, rtol=1e-3)
+    assert (filled.directions[:, 1] < 0).any() == (fill != "black")
 
 
 def test_tells_of_a_clipped_sun(tmp_path, capsys):
