@@ -109,13 +109,8 @@ def describe(recording: Recording, examination: Examination) -> list[tuple[str, 
 
 
 def exposure_text(exposure: Exposure) -> str:
-    """Return an exposure as photographers write it: 1/250 s, f/5.6, ×4 for the gain."""
-    time_s = exposure.time_s
-    # Four digits, and never an exponent.
-    text = f"{time_s:.4g} s" if time_s > 0.3 else f"1/{float(f'{1 / time_s:.4g}'):.12g} s"
-    if exposure.f_number is not None:
-        text += f" f/{exposure.f_number:.3g}"
-    return text if exposure.gain == 1 else f"{text} ×{exposure.gain:.3g}"
+    """Return an exposure as photographers write it, such as 1/250 s f/5.6 gain 4."""
+    return " ".join(_exposure_parts(exposure))
 
 
 def contact_sheet(recording: Recording) -> NDArray[np.uint8]:
@@ -152,8 +147,8 @@ def contact_sheet(recording: Recording) -> NDArray[np.uint8]:
             left = _LABEL_PX + _MARGIN_PX + column * pitch[0]
             thumbnail = _thumbnail(frames[chosen].counts, recording.sensor, cell)
             sheet.paste(Image.fromarray(thumbnail), (left, top))
-            caption = exposure_text(frames[chosen].exposure)
-            draw.text((left, top + cell[1] + 2), _shortened(caption, cell[0], font), _INK, font)
+            caption = _caption(frames[chosen].exposure, cell[0], font)
+            draw.text((left, top + cell[1] + 2), caption, _INK, font)
     return np.asarray(sheet)
 
 
@@ -219,10 +214,23 @@ def _evenly(count: int, most: int) -> list[int]:
     return [int(position) for position in np.rint(chosen)]
 
 
-def _shortened(text: str, width_px: int, font: Any) -> str:
-    while text and font.getlength(text) > width_px:
-        text = text[:-1]
-    return text
+def _exposure_parts(exposure: Exposure) -> list[str]:
+    time_s = exposure.time_s
+    # Four digits, and never an exponent.
+    parts = [f"{time_s:.4g} s" if time_s > 0.3 else f"1/{float(f'{1 / time_s:.4g}'):.12g} s"]
+    if exposure.f_number is not None:
+        parts.append(f"f/{exposure.f_number:.3g}")
+    if exposure.gain != 1:
+        parts.append(f"gain {exposure.gain:.3g}")
+    return parts
+
+
+def _caption(exposure: Exposure, width_px: int, font: Any) -> str:
+    """Return as much of an exposure's text as fits, without half a part."""
+    parts = _exposure_parts(exposure)
+    while parts and font.getlength(" ".join(parts)) > width_px:
+        parts.pop()
+    return " ".join(parts)
 
 
 def _mean(values: Sequence[float]) -> float:

@@ -4,10 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from PIL import ImageFont
 
 from capture.frame import Exposure
 from capture.inspecting import (
     MAX_ROWS,
+    _caption,
     black_share,
     clipped_share,
     contact_sheet,
@@ -112,11 +114,21 @@ def test_clipping_begins_at_the_saturation_and_black_at_the_black_level():
         (Exposure(1 / 8000, 1.0, 5.6), "1/8000 s f/5.6"),
         (Exposure(0.3125, 1.0), "0.3125 s"),
         (Exposure(7.1479e-6), "1/139900 s"),
-        (Exposure(13.0, 4.0), "13 s ×4"),
+        (Exposure(13.0, 4.0), "13 s gain 4"),
+        (Exposure(1 / 4000, 4.0, 1.4), "1/4000 s f/1.4 gain 4"),
     ],
 )
 def test_exposures_are_written_as_photographers_do(exposure, text):
     assert exposure_text(exposure) == text
+
+
+def test_captions_have_no_letter_that_the_font_lacks_and_no_half_parts(tmp_path):
+    font = ImageFont.load_default(15)
+    text = exposure_text(Exposure(1 / 4000, 4.0, 1.4))
+    absent = bytes(font.getmask("\uffff"))
+    assert all(bytes(font.getmask(letter)) != absent for letter in text)
+    shortened = {_caption(Exposure(1 / 4000, 4.0, 1.4), px, font) for px in range(200)}
+    assert shortened == {"", "1/4000 s", "1/4000 s f/1.4", text}
 
 
 def test_many_exposures_are_told_by_their_ends(tmp_path):
