@@ -47,7 +47,13 @@ def remap(
     camera = read_calibration(calibration)
     image, cleaned = read_radiance(radiance)
     camera.check_size(image.size_px, str(radiance))
-    environment = fill_unseen(remap_image(camera, image, height), fill)
+    environment = remap_image(camera, image, height)
+    if not environment.valid.any():
+        raise InputError(
+            f"{radiance}: its valid pixels cover no cell of the map by half; "
+            f"check the picture, {calibration} and --height"
+        )
+    environment = fill_unseen(environment, fill)
     write_environment(output, environment, force=force)
 
     print(f"{output}: {2 * height}×{height}, {environment.seen_share:.1%} of all directions seen")

@@ -13,6 +13,7 @@ from capture.exr import write_exr
 from capture.radiance import RadianceImage
 from capture.radiance_files import write_radiance
 from lighting.environment_files import read_environment
+from lighting.fill import Fill
 from lighting.remap_cli import remap
 
 CAMERA = Calibration(Equidistant((31.5, 31.5), 64 / np.pi), (64, 64), np.pi / 2, UP)
@@ -74,6 +75,18 @@ def test_a_picture_of_another_size_names_the_file(files: tuple[Path, Path, Path]
     write_exr(picture, dict.fromkeys("RGB", plane), {})
     with pytest.raises(InputError, match=r"other\.exr is 64×48 px"):
         remap(picture, calibration=calibration, output=output)
+
+
+@pytest.mark.parametrize("fill", ["black", "mean"])
+def test_a_picture_without_a_valid_pixel_leaves_no_map(
+    files: tuple[Path, Path, Path], fill: Fill
+) -> None:
+    _, calibration, output = files
+    picture = output.with_name("blind.exr")
+    write_exr(picture, dict.fromkeys("RGB", np.full((64, 64), np.nan, np.float32)), {})
+    with pytest.raises(InputError, match=r"blind\.exr.*no cell.*cal\.json"):
+        remap(picture, calibration=calibration, output=output, height=16, fill=fill)
+    assert not output.exists()
 
 
 def test_an_existing_map_needs_force(files: tuple[Path, Path, Path]) -> None:
