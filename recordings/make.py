@@ -141,6 +141,7 @@ def main() -> None:
     parser.add_argument("--maps", type=Path, help=f"folder that holds {names} of {PACKAGE}")
     parser.add_argument("--output", type=Path, default=HERE, help="where to write; here by default")
     arguments = parser.parse_args()
+    arguments.output.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as temporary:
         maps = arguments.maps
         if maps is None:
