@@ -1,5 +1,7 @@
 """A map and its lights as a picture for people: where lights sit, what was clipped or unseen."""
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -21,32 +23,39 @@ def preview(
 ) -> NDArray[np.uint8]:
     """Return the map as (width/2, width, 3) sRGB with a ring at each light.
 
-    Clipped cells are magenta, unseen ones grey with a hatch; the area of a ring is proportional to
-    its light's share of the irradiance, within the limits of what can be seen.
+    A pixel is magenta if any of its cells is clipped, and hatched grey if most are unseen; the area
+    of a ring is proportional to its light's share of the irradiance, within the limits of what can
+    be seen.
     """
-    picture = to_display(environment.radiance, exposure_ev)
-    picture[environment.clipped] = CLIPPED_RGB
-    picture[~environment.valid] = UNSEEN_RGB
-    picture[~environment.valid & _hatch(environment.height)] = np.add(UNSEEN_RGB, 25)
     size_px = (width_px, width_px // 2)
-    shrinks = width_px < picture.shape[1]
-    interpolation = cv2.INTER_AREA if shrinks else cv2.INTER_NEAREST
-    picture = np.asarray(cv2.resize(picture, size_px, interpolation=interpolation), np.uint8)
-    if len(lights) == 0:
-        return picture
+    picture = _resize(to_display(environment.radiance, exposure_ev), size_px)
+    unseen = _resize((~environment.valid).astype(np.float32), size_px) > 0.5
+    picture[unseen] = UNSEEN_RGB
+    picture[unseen & _hatch(size_px)] = np.add(UNSEEN_RGB, 25)
+    picture[_resize(environment.clipped.astype(np.float32), size_px) > 0] = CLIPPED_RGB
     scale = size_px[1] / environment.height
     centres = (direction_to_grid(lights.directions, environment.height) + 0.5) * scale - 0.5
-    share = lights.irradiance.sum(axis=1) / lights.irradiance.sum()
+    power = lights.irradiance.sum(axis=1)
+    share = power / max(power.sum(), np.finfo(float).tiny)
     radii_px = np.clip(0.06 * width_px * np.sqrt(share), 3, 0.06 * width_px)
-    for radius_px, centre in zip(radii_px, centres, strict=True):
+    for radius_px, (x, y) in zip(radii_px, centres, strict=True):
         for colour, thickness in ((OUTLINE_RGB, 3), (LIGHT_RGB, 1)):
-            _ring(picture, centre, float(radius_px), colour, thickness)
+            for turn_px in (-width_px, 0, width_px):  # across the seam it goes on at the other edge
+                _ring(picture, (x + turn_px, y), float(radius_px), colour, thickness)
     return picture
+
+
+def _resize(picture: NDArray[Any], size_px: tuple[int, int]) -> NDArray[Any]:
+    """Mean of the cells in a pixel, or the cell that a pixel lies in if the map is smaller."""
+    shrinks = size_px[0] < picture.shape[1]
+    return cv2.resize(
+        picture, size_px, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_NEAREST
+    )
 
 
 def _ring(
     picture: NDArray[np.uint8],
-    centre: NDArray[np.float64],
+    centre: tuple[float, float],
     radius_px: float,
     colour: tuple[int, int, int],
     thickness: int,
@@ -54,7 +63,7 @@ def _ring(
     fixed = 1 << SUBPIXEL_BITS
     cv2.circle(
         picture,
-        (round(float(centre[0]) * fixed), round(float(centre[1]) * fixed)),
+        (round(centre[0] * fixed), round(centre[1] * fixed)),
         round(radius_px * fixed),
         colour,
         thickness,
@@ -63,6 +72,7 @@ def _ring(
     )
 
 
-def _hatch(height: int) -> NDArray[np.bool_]:
-    rows, columns = np.mgrid[0:height, 0 : 2 * height]
+def _hatch(size_px: tuple[int, int]) -> NDArray[np.bool_]:
+    width, height = size_px
+    rows, columns = np.mgrid[0:height, 0:width]
     return ((rows + columns) // max(1, height // 64)) % 4 == 0
