@@ -1,0 +1,121 @@
+"""The command line's one place for errors: known ones are a line, others keep their traceback."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+import render.main
+from capture.errors import InputError
+from lighting.light_files import write_lights
+from render.main import main
+from tests.render.light_sets import random_lights
+
+
+@pytest.fixture
+def failing_command(monkeypatch):
+    """A command that raises what it is given."""
+
+    def install(error):
+        def fail(*arguments, **settings):
+            raise error
+
+        monkeypatch.setattr(render.main, "app", fail)
+
+    return install
+
+
+def test_a_known_error_is_one_line_and_exit_code_2(failing_command, capsys):
+    failing_command(InputError("a.exr: wanted this\n  got that"))
+    with pytest.raises(SystemExit) as stop:
+        main(["render"])
+    assert stop.value.code == 2
+    printed = capsys.readouterr()
+    assert printed.err == "fishlight: a.exr: wanted this got that\n"
+    assert printed.out == ""
+
+
+def test_a_defect_keeps_its_traceback(failing_command):
+    failing_command(ValueError("a defect"))
+    with pytest.raises(ValueError, match="a defect"):
+        main(["render"])
+
+
+def test_an_interrupt_has_the_shells_exit_code(failing_command, capsys):
+    failing_command(KeyboardInterrupt())
+    with pytest.raises(SystemExit) as stop:
+        main(["render"])
+    assert stop.value.code == 130
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["rendre"], "rendre"),
+        (["render", "--lights", "l.json", "-o", "p.png", "--nonsense"], "--nonsense"),
+        (["render", "-o", "p.png"], "--lights"),
+        (["render", "--lights", "none.json", "-o", "p.png"], "none.json"),
+        (["replay", "none", "-o", "out"], "none"),
+        (["replay", "none", "-o", "out", "--count", "many"], "many"),
+    ],
+)
+def test_wrong_arguments_are_one_line_and_write_nothing(
+    tmp_path, monkeypatch, capsys, arguments, message
+):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as stop:
+        main(arguments)
+    assert stop.value.code == 2
+    printed = capsys.readouterr()
+    assert message in printed.err
+    assert printed.err.startswith("fishlight: ")
+    assert printed.err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_every_command_of_every_stage_has_help(capsys):
+    commands = ("import", "inspect", "simulate", "merge", "remap", "lights", "render", "replay")
+    for command in (*commands, "doctor"):
+        with pytest.raises(SystemExit) as stop:
+            main([command, "--help"])
+        assert stop.value.code == 0
+        assert f"fishlight {command}" in capsys.readouterr().out
+
+
+def run_without_egl(folder, *arguments):
+    """Run fishlight in a process in which EGL finds no driver."""
+    program = (
+        "import moderngl\n"
+        "def no_egl(**settings): raise Exception('libEGL.so not loaded')\n"
+        "moderngl.create_context = no_egl\n"
+        "from render.main import main\n"
+        "main()\n"
+    )
+    return subprocess.run(
+        [sys.executable, "-c", program, *map(str, arguments)],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_without_egl_render_says_what_to_install_and_writes_nothing(tmp_path):
+    write_lights(tmp_path / "lights.json", random_lights(2, seed=0))
+    done = run_without_egl(tmp_path, "render", "--lights", "lights.json", "-o", "p.png")
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "apt-get install" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["lights.json"]
+
+
+def test_without_egl_doctor_shows_the_rest_and_fails(tmp_path):
+    done = run_without_egl(tmp_path, "doctor")
+    assert done.returncode == 2
+    assert done.stderr == "fishlight: not ready: OpenGL (see above)\n"
+    assert "MISSING" in done.stdout
+    assert "apt-get install" in done.stdout
+    assert "Python" in done.stdout
