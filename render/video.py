@@ -49,7 +49,12 @@ class VideoWriter:
             self._container = stack.enter_context(
                 av.open(str(partial), "w", format="mp4", options={"movflags": "+faststart"})
             )
+            self._stream = self._add_stream()
             self._open = stack.pop_all()
+        self._started = False
+        return self
+
+    def _add_stream(self) -> av.VideoStream:
         stream = self._container.add_stream(
             "libx264",
             rate=self._rate,
@@ -62,9 +67,7 @@ class VideoWriter:
         context.color_range = ColorRange.MPEG
         context.color_primaries = ColorPrimaries.BT709
         context.color_trc = ColorTrc.IEC61966_2_1
-        self._stream = stream
-        self._started = False
-        return self
+        return stream
 
     def write(self, picture: NDArray[np.uint8]) -> None:
         """Append a picture, (H, W, 3) uint8 R, G, B."""

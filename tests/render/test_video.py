@@ -62,6 +62,16 @@ def test_a_failure_leaves_the_older_video(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_an_encoder_that_is_missing_leaves_nothing(tmp_path, monkeypatch):
+    def missing(writer):
+        raise av.codec.codec.UnknownCodecError("libx264")
+
+    monkeypatch.setattr(VideoWriter, "_add_stream", missing)
+    with pytest.raises(av.codec.codec.UnknownCodecError):
+        write(tmp_path / "v.mp4")
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_video_without_pictures_is_refused(tmp_path):
     with pytest.raises(InputError, match="at least one picture"):
         write(tmp_path / "v.mp4", count=0)
