@@ -28,6 +28,9 @@ from render.shadows import ShadowAtlas, texel_width, world_to_tile
 BATCH = 64
 """Lights per pass over the picture."""
 
+MAX_SAMPLES = 2**26
+"""Samples of a picture, each of which takes 100 bytes: 4096 × 4096 pixels of 2 × 2."""
+
 
 def reaching_lights(
     lights: LightSet, scene: Scene
@@ -69,10 +72,10 @@ class Renderer:
         self._samples_per_axis = samples_per_axis
         width, height = (samples_per_axis * length for length in camera.size_px)
         largest = context.info["GL_MAX_TEXTURE_SIZE"]
-        if max(width, height) > largest:
+        if max(width, height) > largest or width * height > MAX_SAMPLES:
             raise InputError(
-                f"{width}x{height} samples are more than this OpenGL draws at once "
-                f"({largest} per axis): ask for a smaller picture or fewer samples"
+                f"{width}x{height} samples are more than are drawn at once ({largest} per axis, "
+                f"{MAX_SAMPLES} together): ask for a smaller picture or fewer samples"
             )
         self._gbuffer = GBuffer(context, scene, camera, (width, height))
         self._atlas = ShadowAtlas(context, gather_casters(scene.meshes))

@@ -33,7 +33,8 @@ void main() {
     face_normal = dot(face_normal, face_normal) > 0.0 ? normalize(face_normal)
                                                       : normalize(world_normal);
     if (dot(face_normal, eye - world_position) < 0.0) face_normal = -face_normal;
-    vec3 shading_normal = normalize(world_normal);
+    vec3 shading_normal = dot(world_normal, world_normal) > 0.0 ? normalize(world_normal)
+                                                                : face_normal;  // they cancel
     if (dot(shading_normal, face_normal) < 0.0) shading_normal = -shading_normal;
 
     position_hit = vec4(world_position, 1.0);

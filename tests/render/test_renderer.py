@@ -254,6 +254,16 @@ def test_a_texture_is_decoded_and_upright(ctx):
     assert_allclose(result[13, 13, :3], 0.5029, atol=2e-3)
 
 
+def test_normals_that_cancel_leave_no_hole(ctx):
+    # Interpolated between opposite normals the sum is zero in the middle of the picture.
+    corners = np.float32([[-4, 0, -4], [4, 0, -4], [4, 0, 4], [-4, 0, 4]])
+    normals = np.float32([[1, 0, 0], [-1, 0, 0], [-1, 0, 0], [1, 0, 0]])
+    mesh = Mesh(corners, normals, np.int32([[0, 1, 2], [0, 2, 3]]))
+    camera = Camera(np.array([0.0, 4.0, 0.0]), np.zeros(3), size_px=(3, 3), up=[0.0, 0.0, -1.0])
+    result = picture(ctx, Scene((mesh,), None), camera, one_light((0, 1, 0)))
+    assert np.all(np.isfinite(result))
+
+
 def test_nothing_leaks_through_a_surface_without_thickness(ctx):
     # The interpolated normals lean so far that the light behind the face is in front of them.
     leaning = np.tile(np.float32([0.8, 0, 0.6]), (4, 1))
@@ -273,9 +283,10 @@ def test_vertex_colours_are_interpolated_linearly(ctx):
 
 
 def test_too_large_a_picture_is_refused_with_the_limit(ctx):
-    camera = replace(BALL_CAMERA, size_px=(20_000, 10))
-    with pytest.raises(InputError, match="20000x10"):
-        Renderer(ctx, ball_scene(), camera)
+    for size_px in ((20_000, 10), (8192, 8193)):
+        camera = replace(BALL_CAMERA, size_px=size_px)
+        with pytest.raises(InputError, match="{}x{}".format(*size_px)):
+            Renderer(ctx, ball_scene(), camera)
 
 
 def test_a_renderer_can_follow_another(ctx):
