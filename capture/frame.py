@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.arrays import read_only
 from capture.errors import InputError, UnreadableFrame
 
 TIME_RANGE_S = (1e-9, 1e9)
@@ -73,18 +74,21 @@ class Frame:
     Attributes
     ----------
     counts : (H, W, 3) uint8, uint16 or float32
-        DN in R, G, B order, read-only. Float counts are linear and never clip (EXR sequences).
+        DN in R, G, B order, read-only. Float counts are linear (EXR sequences).
     exposure : Exposure
     timestamp_s : float
         Start of the exposure on a clock that never steps back.
     index : int
         Number of the frame within its source, from 0.
+    clipped : (H, W) bool, or None
+        Pixels known to be lower bounds, of float counts only: others show it by their value.
     """
 
     counts: NDArray[Any]
     exposure: Exposure
     timestamp_s: float = 0.0
     index: int = 0
+    clipped: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         counts = np.asarray(self.counts).view()
@@ -94,6 +98,11 @@ class Frame:
             raise ValueError(f"counts must be uint8, uint16 or float32, got {counts.dtype}")
         counts.flags.writeable = False
         object.__setattr__(self, "counts", counts)
+        if self.clipped is not None:
+            if counts.dtype != np.float32:
+                raise ValueError(f"{counts.dtype} counts show by their value where they clip")
+            mask = read_only("clipped", self.clipped, np.bool_, counts.shape[:2])
+            object.__setattr__(self, "clipped", mask)
 
     @property
     def size_px(self) -> tuple[int, int]:

@@ -198,8 +198,8 @@ def _decode(photographs: Sequence[Photograph], position: int) -> tuple[Bracket, 
     """Return one bracket and its sensor, after its frames were found to fit together."""
     frames, sensors = [], []
     for index, photograph in enumerate(photographs):
-        counts, sensor = read_counts(photograph.path)
-        frames.append(Frame(counts, photograph.exposure, photograph.timestamp_s, index))
+        counts, sensor, clipped = read_counts(photograph.path)
+        frames.append(Frame(counts, photograph.exposure, photograph.timestamp_s, index, clipped))
         sensors.append(sensor)
     paths = [photograph.path for photograph in photographs]
     check_alike("size", paths, [_kind(frame) for frame in frames])

@@ -59,8 +59,8 @@ def merge_bracket(bracket: Bracket, sensor: Sensor) -> RadianceImage:
     its own noisy value, which biases L near the threshold by at most −0.4 standard deviations of
     that exposure (tests/limits/test_merge_selection_bias.py).
 
-    Float counts are linear, do not clip and have no noise model: their radiance is
-    Σ y_k / Σ light_k, cleaned by `clean_radiance`, with variance 0.
+    Float counts are linear and have no noise model: their radiance is Σ y_k / Σ light_k, cleaned by
+    `clean_radiance`, with variance 0, clipped where a frame says so.
 
     Parameters
     ----------
@@ -112,15 +112,21 @@ def merge_bracket(bracket: Bracket, sensor: Sensor) -> RadianceImage:
 
 
 def _average(frames: Sequence[Frame]) -> RadianceImage:
-    """Return Σ y_k / Σ light_k of float frames, not valid where any of them is not finite."""
+    """Return Σ y_k / Σ light_k of float frames, not valid where any of them is not finite.
+
+    A pixel that any of them marks as clipped is clipped.
+    """
     light = sum(frame.exposure.light for frame in frames)
     total = np.zeros(frames[0].counts.shape, np.float64)
     with np.errstate(invalid="ignore"):  # ∞ − ∞ is cleaned below
         for frame in frames:
             total += frame.counts / np.float64(frame.exposure.gain * light)
     cleaned = clean_radiance(total)
-    nowhere = np.zeros(cleaned.valid.shape, np.bool_)
-    return RadianceImage(cleaned.radiance, np.zeros_like(cleaned.radiance), cleaned.valid, nowhere)
+    clipped = np.zeros(cleaned.valid.shape, np.bool_)
+    for frame in frames:
+        if frame.clipped is not None:
+            clipped |= frame.clipped
+    return RadianceImage(cleaned.radiance, np.zeros_like(cleaned.radiance), cleaned.valid, clipped)
 
 
 def _count_table(sensor: Sensor) -> NDArray[np.float32]:

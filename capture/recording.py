@@ -117,7 +117,7 @@ class Recording:
                     f"{path}: the SHA-256 differs from {MANIFEST_NAME}; the file was changed or "
                     "damaged after it was recorded"
                 )
-            counts, _ = read_counts(path)
+            counts, _, clipped = read_counts(path)
         except InputError as error:
             raise UnreadableFrame(str(error)) from None
         size_px = (counts.shape[1], counts.shape[0])
@@ -131,7 +131,7 @@ class Recording:
                     f"{owner}"
                 )
         exposure = Exposure(record.time_s, record.gain, record.f_number)
-        return Frame(counts, exposure, record.timestamp_s, record.index)
+        return Frame(counts, exposure, record.timestamp_s, record.index, clipped)
 
 
 def open_recording(folder: Path) -> Recording:

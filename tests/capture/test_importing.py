@@ -10,6 +10,7 @@ import pytest
 from capture.errors import InputError, UnreadableFrame
 from capture.frame import Bracket, Exposure
 from capture.importing import import_sources, read_photo_bracket
+from capture.merge import merge_bracket
 from capture.radiance_files import write_hdr
 from capture.video import VideoFrame
 from tests.capture.photo_files import DATA, scene_picture, write_photograph
@@ -126,6 +127,17 @@ def test_one_of_several_brackets_is_chosen(tmp_path):
     for position in (2, -1):
         with pytest.raises(InputError, match="form 2"):
             read_photo_bracket(paths, position=position)
+
+
+def test_a_clipped_mark_travels_from_an_exr_to_the_radiance(tmp_path):
+    clipped = np.zeros((4, 6), bool)
+    clipped[1, 2] = True
+    write_hdr(tmp_path / "a1.exr", np.ones((4, 6, 3), np.float32), clipped=clipped)
+    recording = import_sources([tmp_path / "a1.exr"], tmp_path / "r").recording
+    image = merge_bracket(recording.read_bracket(0), recording.sensor)
+    np.testing.assert_array_equal(image.clipped, clipped)
+    bracket, sensor, _ = read_photo_bracket([tmp_path / "a1.exr"])
+    np.testing.assert_array_equal(merge_bracket(bracket, sensor).clipped, clipped)
 
 
 def test_an_exr_sequence_is_copied_and_gives_its_radiance(tmp_path):

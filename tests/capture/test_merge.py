@@ -306,7 +306,7 @@ def test_all_repeats_of_the_shortest_exposure_are_kept():
     assert image.clipped.all()
 
 
-def test_float_frames_are_values_over_signal_and_never_clip():
+def test_float_frames_are_values_over_signal_and_clip_only_where_marked():
     values = np.array([[[0.5, 2.0, 1e6]]], np.float32)
     image = merge_bracket(bracket_of([values], [0.25], [2.0]), LINEAR_16_BIT)
     np.testing.assert_allclose(image.radiance, values / 0.5, rtol=1e-6)
@@ -316,6 +316,11 @@ def test_float_frames_are_values_over_signal_and_never_clip():
     pair = [np.full((1, 1, 3), 2, np.float32), np.full((1, 1, 3), 18, np.float32)]
     image = merge_bracket(bracket_of(pair, [1.0, 3.0]), LINEAR_16_BIT)
     np.testing.assert_allclose(image.radiance, (1 * 2 + 3 * 6) / 4, rtol=1e-6)
+
+
+def test_counts_that_show_where_they_clip_take_no_mark():
+    with pytest.raises(ValueError, match="by their value"):
+        Frame(constant(7), Exposure(1.0), clipped=np.zeros((2, 3), bool))
 
 
 def test_float_frames_are_cleaned():
