@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from capture.arguments import WholeNumber
 from capture.errors import InputError
 from capture.exposure_check import exposure_warning
 from capture.frame import Bracket
@@ -103,7 +104,7 @@ def merge(
     *sources: Path,
     output: Output,
     exposures: str | None = None,
-    bracket: int = 0,
+    bracket: WholeNumber = 0,
     force: bool = False,
 ) -> None:
     """Merge one bracket to linear radiance.

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from capture.arguments import WholeNumber
 from lighting.environment_files import read_environment
 from lighting.light_files import write_lights
 from lighting.reduce import reduce_to_lights
@@ -14,7 +15,7 @@ def lights(
     environment: Path,
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    count: int = 64,
+    count: WholeNumber = 64,
     method: str = "inverse-cdf",
     force: bool = False,
 ) -> None:

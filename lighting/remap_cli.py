@@ -6,6 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from calibration.files import read_calibration
+from capture.arguments import WholeNumber
 from capture.errors import InputError
 from capture.output import refuse_existing
 from capture.radiance_files import read_radiance
@@ -21,7 +22,7 @@ def remap(
     *,
     calibration: Path,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    height: int = 512,
+    height: WholeNumber = 512,
     fill: Fill = "black",
     force: bool = False,
 ) -> None:

@@ -7,6 +7,7 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
+from capture.arguments import WholeNumber
 from capture.cli import parse_exposures
 from capture.errors import InputError
 from lighting.environment_files import read_environment
@@ -21,12 +22,12 @@ def simulate(
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     calibration: Path,
     exposures: str | None = None,
-    brackets: int | None = None,
+    brackets: WholeNumber | None = None,
     rate_hz: float = 2.0,
     yaw_deg_per_s: float = 0.0,
     lamp: bool = False,
     cloud: bool = False,
-    seed: int = 0,
+    seed: WholeNumber = 0,
     format: FrameFormat = "jpeg",
     force: bool = False,
 ) -> None:

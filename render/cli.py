@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from capture.arguments import WholeNumber
 from capture.errors import FishlightError, InputError
 from capture.output import refuse_existing
 from lighting.remap_cli import check_map_height
@@ -20,9 +21,9 @@ def replay_command(
     /,
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    count: int = 64,
+    count: WholeNumber = 64,
     method: str = "inverse-cdf",
-    height: int = 512,
+    height: WholeNumber = 512,
     mesh: Path | None = None,
     size: str = "640x480",
     calibration: Path | None = None,

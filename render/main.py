@@ -1,5 +1,6 @@
 """The `fishlight` command: the stages' tools under one name, and one place for errors."""
 
+import os
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -34,6 +35,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(_fail(f"{error} See fishlight --help."))
     except FishlightError as error:
         sys.exit(_fail(str(error)))
+    except BrokenPipeError:  # the reader of a pipe has seen enough: fishlight inspect … | head
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
+    except OSError as error:  # no permission, disk full, name too long
+        sys.exit(_fail(f"{error.filename or 'a file'}: {error.strerror or error}"))
     except KeyboardInterrupt:
         sys.exit(130)
 

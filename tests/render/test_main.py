@@ -119,3 +119,19 @@ def test_without_egl_doctor_shows_the_rest_and_fails(tmp_path):
     assert "MISSING" in done.stdout
     assert "apt-get install" in done.stdout
     assert "Python" in done.stdout
+
+
+def test_a_file_that_the_system_refuses_is_one_line(failing_command, capsys):
+    failing_command(OSError(28, "No space left on device", "map.exr"))
+    with pytest.raises(SystemExit) as stop:
+        main(["remap"])
+    assert stop.value.code == 2
+    assert capsys.readouterr().err == "fishlight: map.exr: No space left on device\n"
+
+
+@pytest.mark.parametrize("count", ["3.7", "many", "1e3"])
+def test_a_count_that_is_no_whole_number_is_not_rounded(count, tmp_path, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["lights", "map.exr", "-o", str(tmp_path / "lights.json"), "--count", count])
+    assert stop.value.code == 2
+    assert "--count: wanted a whole number" in capsys.readouterr().err
