@@ -18,6 +18,7 @@ def _context() -> Iterator[Any]:
 @pytest.fixture
 def ctx(_context: Any) -> Iterator[Any]:
     """Return the context, in which neither an earlier test nor this one has left an error."""
-    assert _context.error == "GL_NO_ERROR"
-    yield _context
-    assert _context.error == "GL_NO_ERROR"
+    with _context:  # current again, whatever context a command has made meanwhile
+        assert _context.error == "GL_NO_ERROR"
+        yield _context
+        assert _context.error == "GL_NO_ERROR"
