@@ -13,8 +13,8 @@ from render.casters import gather_casters
 from render.scene import Camera, Ground, Material, Mesh, Scene
 
 GROUND_REFLECTANCE = (0.5, 0.5, 0.5)
-GROUND_EXTENT = 100.0
-"""Radius of the ground over that of the objects: its edge is close to the horizon."""
+GROUND_EXTENT = 1000.0
+"""Radius of the ground over that of the objects: its edge is 0.1° below the horizon."""
 
 
 def sphere(

@@ -58,6 +58,12 @@ def test_a_framed_mesh_stands_on_the_ground_inside_the_picture(size_px):
     assert np.all(pixels < size_px)
 
 
+def test_the_ground_ends_at_the_horizon():
+    scene, camera = default_scene()
+    drop_rad = math.atan((camera.eye[1] - scene.ground.y_m) / scene.ground.radius_m)
+    assert drop_rad / camera.vertical_fov_rad * 480 < 1.5  # rows of the picture
+
+
 def test_the_objects_of_the_default_scene_stand_on_its_ground_and_apart():
     scene, _ = default_scene()
     lowest = [mesh.positions[:, 1].min() for mesh in scene.meshes]
