@@ -196,7 +196,7 @@ def prepare_output(output: Path) -> None:
     """Make the result folder, emptied of an earlier replay's results and of nothing else."""
     for name in RESULT_NAMES:
         path = output / name
-        if path.is_dir():
+        if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path)
         else:
             path.unlink(missing_ok=True)

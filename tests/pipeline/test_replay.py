@@ -194,3 +194,11 @@ def test_wrong_arguments_change_nothing(
         assert printed.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
     assert {path: path.stat().st_mtime_ns for path in replayed.rglob("*")} == before
+
+
+def test_an_output_that_the_system_refuses_is_one_line(
+    short_recording: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["replay", str(short_recording), "-o", "/proc/replayed", *SMALL])
+    assert capsys.readouterr().err.count("\n") == 1
