@@ -33,7 +33,8 @@ install_packages() { # MEANING PACKAGE...
 
 if command -v dpkg-query >/dev/null; then
     install_packages "OpenGL (EGL and Mesa's software driver)" libegl1 libgl1-mesa-dri libgl1
-    "$python" -c 'import ensurepip' 2>/dev/null || install_packages "Python's venv" python3-venv
+    "$python" -c 'import ensurepip' 2>/dev/null || install_packages "Python's venv" \
+        "$("$python" -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])')"
 else
     say "not a Debian or Ubuntu system: fishlight render needs libEGL, libGL and a Mesa driver"
 fi
