@@ -31,7 +31,8 @@ def read_environment(path: Path) -> tuple[EnvironmentMap, Cleaned]:
     UnreadableFrame
         If the file is truncated or damaged.
     InputError
-        If it does not exist, is of another kind, or its width is not twice its height.
+        If it does not exist, is of another kind, its width is not twice its height, or none of its
+        pixels is finite.
     """
     picture = read_hdr(path)
     height, width = picture.rgb.shape[:2]
@@ -41,6 +42,8 @@ def read_environment(path: Path) -> tuple[EnvironmentMap, Cleaned]:
             "a camera picture becomes one with `fishlight remap`"
         )
     cleaned = clean_radiance(picture.rgb)
+    if not cleaned.valid.any():
+        raise InputError(f"{path}: not one of its pixels is a finite number")
     radiance = cleaned.radiance
     valid = cleaned.valid if picture.valid is None else cleaned.valid & picture.valid
     clipped = np.zeros_like(valid) if picture.clipped is None else picture.clipped

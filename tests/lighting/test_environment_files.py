@@ -61,6 +61,13 @@ def test_a_picture_that_is_no_lat_long_map_is_refused(
         read_environment(path)
 
 
+def test_a_map_without_a_finite_pixel_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "map.exr"
+    write_hdr(path, np.full((4, 8, 3), np.nan, np.float32))
+    with pytest.raises(InputError, match=r"map\.exr: not one of its pixels"):
+        read_environment(path)
+
+
 def test_a_file_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_environment(tmp_path / "map.exr", sample_map())
     read = []
