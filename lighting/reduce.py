@@ -13,12 +13,20 @@ from capture.errors import InputError
 from lighting.environment import LUMINANCE_WEIGHTS, EnvironmentMap, luminance
 from lighting.latlong import solid_angles
 from lighting.light_set import LightSet
+from lighting.methods.cells import cells
 from lighting.methods.inverse_cdf import inverse_cdf
+from lighting.methods.median_cut import median_cut
+from lighting.methods.variance_minimisation import variance_minimisation
 
 Array = NDArray[np.float64]
 Method = Callable[[EnvironmentMap, int], tuple[Array, Array, Array]]
 
-METHODS: Mapping[str, Method] = {"inverse-cdf": inverse_cdf}
+METHODS: Mapping[str, Method] = {
+    "inverse-cdf": inverse_cdf,
+    "median-cut": median_cut,
+    "variance-minimisation": variance_minimisation,
+    "cells": cells,
+}
 
 MOST_LIGHTS = 65536
 """More lights than any renderer here draws; a larger number is a slip of the keyboard."""
@@ -38,8 +46,8 @@ def reduce_to_lights(
     ----------
     environment : EnvironmentMap
     count : int
-        Number of lights, 1 to 65536. Exactly this many are returned, or none for a map without
-        light.
+        Number of lights, 1 to 65536. This many are returned, fewer if the method needs fewer to
+        hold all the light, none for a map without light.
     method : str
         A key of `METHODS`.
     timestamp_s : float
