@@ -1,34 +1,23 @@
-"""The `fishlight` command: the stages' tools under one name, and one place for errors."""
+"""Where the `fishlight` command starts, and the one place for errors."""
 
 import os
 import sys
 from collections.abc import Sequence
-from importlib.metadata import version
-
-from cyclopts import App, CycloptsError, Parameter
-
-import calibration.cli
-import capture.cli
-import lighting.cli
-import render.cli
-from capture.errors import FishlightError
-
-app = App(
-    name="fishlight",
-    help="Turns a fisheye or mirror-ball camera into the lights of a rendered scene.",
-    version=lambda: version("fishlight"),
-    default_parameter=Parameter(negative=""),
-)
-for stage in (capture.cli, calibration.cli, lighting.cli, render.cli):
-    for command, name in stage.COMMANDS:
-        app.command(command, name=name)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; a known error is one line on stderr and exit code 2.
 
-    Any other exception is a defect of fishlight and keeps its traceback.
+    Any other exception is a defect of fishlight and keeps its traceback. The stages are imported
+    here, so that a broken installation is told in a line too.
     """
+    try:
+        from cyclopts import CycloptsError
+
+        from capture.errors import FishlightError
+        from render.app import app
+    except ImportError as error:
+        sys.exit(_fail(f"the installation is broken ({error}); `make setup` makes it again"))
     try:
         app(arguments, exit_on_error=False, print_error=False)
     except CycloptsError as error:

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-import render.main
+import render.app
 from capture.errors import InputError
 from lighting.light_files import write_lights
 from render.main import main
@@ -21,7 +21,7 @@ def failing_command(monkeypatch):
         def fail(*arguments, **settings):
             raise error
 
-        monkeypatch.setattr(render.main, "app", fail)
+        monkeypatch.setattr(render.app, "app", fail)
 
     return install
 
@@ -135,3 +135,14 @@ def test_a_count_that_is_no_whole_number_is_not_rounded(count, tmp_path, capsys)
         main(["lights", "map.exr", "-o", str(tmp_path / "lights.json"), "--count", count])
     assert stop.value.code == 2
     assert "--count: wanted a whole number" in capsys.readouterr().err
+
+
+def test_a_broken_installation_is_one_line(monkeypatch, capsys):
+    monkeypatch.delitem(sys.modules, "render.app", raising=False)
+    monkeypatch.setitem(sys.modules, "render.cli", None)
+    with pytest.raises(SystemExit) as stop:
+        main(["doctor"])
+    assert stop.value.code == 2
+    error = capsys.readouterr().err
+    assert "the installation is broken" in error
+    assert "make setup" in error
