@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from render.casters import gather_casters
 from render.scene import Camera, Ground, Material, Mesh, Scene
 
+FRONT_AZIMUTH_RAD = math.radians(20)
+"""Where the camera stands before a mesh, whose front is +Z as in glTF: a little to its left."""
 GROUND_REFLECTANCE = (0.5, 0.5, 0.5)
 GROUND_EXTENT = 1000.0
 """Radius of the ground over that of the objects: its edge is 0.1° below the horizon."""
@@ -45,32 +47,37 @@ def torus(
 
 
 def default_scene(size_px: tuple[int, int] = (640, 480)) -> tuple[Scene, Camera]:
-    """Return the default scene and its camera."""
+    """Return the default scene and its camera.
+
+    The camera looks along +Z as a level fisheye does, so what that saw stands behind the objects.
+    """
     white = Material((0.8, 0.8, 0.8), roughness=1.0, specular=0.0)
     metal = Material((0.95, 0.93, 0.88), roughness=0.35, metalness=1.0)
     clay = Material((0.55, 0.22, 0.12), roughness=0.5)
     meshes = (
-        sphere((-0.62, 0.5, 0.25), 0.5, white),
-        sphere((0.62, 0.4, 0.45), 0.4, metal),
-        torus((0.1, 0.75, -0.65), 0.6, 0.15, clay),
+        sphere((0.62, 0.5, -0.25), 0.5, white),
+        sphere((-0.62, 0.4, -0.45), 0.4, metal),
+        torus((-0.1, 0.75, 0.65), 0.6, 0.15, clay),
     )
-    return frame_meshes(meshes, size_px)
+    return frame_meshes(meshes, size_px, azimuth_rad=math.pi + FRONT_AZIMUTH_RAD)
 
 
 def frame_meshes(
-    meshes: tuple[Mesh, ...], size_px: tuple[int, int] = (640, 480)
+    meshes: tuple[Mesh, ...],
+    size_px: tuple[int, int] = (640, 480),
+    azimuth_rad: float = FRONT_AZIMUTH_RAD,
 ) -> tuple[Scene, Camera]:
     """Return a scene of `meshes` on a ground that touches their lowest point, and a camera.
 
-    The camera looks down on their bounding sphere by 12°, from +Z a little to the right, at the
-    distance from which the sphere fills the picture up to a margin of 10 %. Nothing is moved or
-    scaled: distant lights know no scale.
+    The camera stands at `azimuth_rad` from +Z toward +X and looks down on their bounding sphere by
+    12°, from the distance at which the sphere fills the picture up to a margin of 10 %. Nothing is
+    moved or scaled: distant lights know no scale.
     """
     lowest = min(float(mesh.positions[:, 1].min()) for mesh in meshes)
     casters = gather_casters(meshes)
     centre, radius_m = casters.centre, casters.radius_m
     scene = Scene(meshes, Ground(lowest, GROUND_REFLECTANCE, GROUND_EXTENT * radius_m))
-    view = _direction(azimuth_rad=math.radians(20), elevation_rad=math.radians(12))
+    view = _direction(azimuth_rad, elevation_rad=math.radians(12))
     fov_rad = math.radians(35)
     narrow = math.atan(math.tan(0.5 * fov_rad) * min(1.0, size_px[0] / size_px[1]))
     distance_m = 1.1 * radius_m / math.sin(narrow)
