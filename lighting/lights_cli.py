@@ -30,7 +30,7 @@ def lights(
     count
         Number of lights, at least 1.
     method
-        How the lights are found: inverse-cdf.
+        How the lights are found: inverse-cdf, median-cut, variance-minimisation or cells.
     force
         Replace the output if it exists.
     """

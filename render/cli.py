@@ -41,7 +41,7 @@ def replay_command(
     count
         Lights per bracket.
     method
-        Light reduction.
+        How the lights are found: inverse-cdf, median-cut, variance-minimisation or cells.
     height
         Rows of the lat-long maps, which are twice as wide.
     mesh
