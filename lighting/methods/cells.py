@@ -41,8 +41,10 @@ def cells(environment: EnvironmentMap, count: int) -> tuple[Array, Array, Array]
     between the light and its centroid, times the light. The next cell to be cut has the largest
     S0 (S0 − |S1|²/S0) = S0² − |S1|², the square of its light times its root mean square spread: the
     light that a shadow's edge has in the wrong place, times how far. Of S0ᵏ (S0 − |S1|²/S0) with
-    k = 0, ½, 1, 2 (only the ratio of the exponents matters), tried on half of 33 captured maps,
-    k = 1 gave the least errors of irradiance, with and without occluders; on the other half, too.
+    k = 0, ½, 1, 2 (only the ratio of the exponents matters), k = 1 has the least error of
+    irradiance on half of 33 captured maps with 64 and 256 lights: 0 leaves 16 to 20 % more, ½ and
+    2 leave 3 to 7 % more. Behind occluders 2 is better at 256 lights, by a tenth, and 0 and ½ are
+    worse. The other half of the maps agrees.
     """
     return lights_of_cells(environment, count, _least_sum, _importance)
 

@@ -46,7 +46,7 @@ def variance_minimisation(environment: EnvironmentMap, count: int) -> tuple[Arra
     read here thus: L is luminance × solid angle; d is the chord on the unit sphere, so that a pole
     is no place of its own; cuts are tried between all rows and all columns, not only across the
     longer side. For any count, not only 2ⁿ, the cell of largest variance is cut next instead of
-    all of a round; with 64 and 256 lights on 33 captured maps this was as good as rounds.
+    all of a round; with 64 and 256 lights on 33 captured maps irradiance is as good or better.
     """
     return lights_of_cells(environment, count, _least_larger, variance)
 
