@@ -78,11 +78,19 @@ def parts(cell: Cell, cut: int) -> tuple[Cell, Cell]:
     h − 1 between rows, from the top.
     """
     top, bottom, left, right = cell
-    column = left + 1 + cut
+    row, column = first_part_end(cut, *cell)
     if column < right:
         return (top, bottom, left, column), (top, bottom, column, right)
-    row = top + 1 + column - right
     return (top, row, left, right), (row, bottom, left, right)
+
+
+@njit(cache=True, nogil=True)
+def first_part_end(cut, top, bottom, left, right):  # type: ignore[no-untyped-def]
+    """Return the bottom and right end of a cell's first part, see `parts`."""
+    column_cuts = right - left - 1
+    if cut < column_cuts:
+        return bottom, left + 1 + cut
+    return top + 1 + cut - column_cuts, right
 
 
 def cut_variances(moments: Array, lit: Counts, cell: Cell) -> Array:
@@ -131,14 +139,9 @@ def _lights(sums: Array) -> tuple[Array, Array, Array]:
 def _cut_variances(moments, lit, top, bottom, left, right):  # type: ignore[no-untyped-def]
     total = rectangle_moments(moments, top, bottom, left, right)
     total_lit = rectangle_lit(lit, top, bottom, left, right)
-    between_columns = right - left - 1
-    variances = np.empty((between_columns + bottom - top - 1, 2))
+    variances = np.empty((right - left + bottom - top - 2, 2))
     for cut in range(len(variances)):
-        end_row, end_column = bottom, right
-        if cut < between_columns:
-            end_column = left + 1 + cut
-        else:
-            end_row = top + 1 + cut - between_columns
+        end_row, end_column = first_part_end(cut, top, bottom, left, right)
         first_lit = rectangle_lit(lit, top, end_row, left, end_column)
         if first_lit == 0 or first_lit == total_lit:
             variances[cut] = np.inf

@@ -12,10 +12,12 @@ References
 """
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from lighting.cell_splitting import Array, Cell, lights_of_cells
+from lighting.cell_splitting import Array, Cell, first_part_end, lights_of_cells
 from lighting.environment import EnvironmentMap
+from lighting.summed_area import rectangle_lit, rectangle_moments
 
 
 def median_cut(environment: EnvironmentMap, count: int) -> tuple[Array, Array, Array]:
@@ -54,30 +56,28 @@ def _power(power: float, x: float, y: float, z: float) -> float:
 
 def _halving(moments: Array, lit: NDArray[np.int64], cell: Cell) -> int:
     top, bottom, left, right = cell
-    columns = np.s_[left : right + 1]
-    rows = np.s_[top : bottom + 1]
-    by_column = _nearest_half(
-        moments[bottom, columns, 0] - moments[top, columns, 0],
-        lit[bottom, columns] - lit[top, columns],
-    )
-    by_row = _nearest_half(
-        moments[rows, right, 0] - moments[rows, left, 0], lit[rows, right] - lit[rows, left]
-    )
     middle_theta = np.pi / (len(lit) - 1) * (top + bottom) / 2
-    is_wide = (right - left) * np.sin(middle_theta) >= bottom - top
-    if by_row is None or (is_wide and by_column is not None):
-        assert by_column is not None  # two lit blocks differ in row or in column
-        return by_column
-    return right - left - 1 + by_row
+    is_wide = bool((right - left) * np.sin(middle_theta) >= bottom - top)
+    cut = _nearest_half(moments, lit, *cell, is_wide)
+    return cut if cut >= 0 else _nearest_half(moments, lit, *cell, not is_wide)
 
 
-def _nearest_half(power: Array, lit: NDArray[np.int64]) -> int | None:
-    """Return the cut next to half the power, from running sums (n + 1,) along a side of n.
-
-    Only cuts with light on both sides count; None if there is none.
-    """
-    first, last = np.searchsorted(lit - lit[0], [1, lit[-1] - lit[0]])
-    if first == last:
-        return None
-    halves = np.abs(2 * power[first:last] - power[0] - power[-1])
-    return int(first + np.argmin(halves)) - 1
+@njit(cache=True, nogil=True)
+def _nearest_half(moments, lit, top, bottom, left, right, by_columns):  # type: ignore[no-untyped-def]
+    """Return the cut that parts the light most evenly; −1 if each leaves one side dark."""
+    total = rectangle_moments(moments, top, bottom, left, right)[0]
+    total_lit = rectangle_lit(lit, top, bottom, left, right)
+    column_cuts, row_cuts = right - left - 1, bottom - top - 1
+    best = -1
+    least = np.inf
+    for k in range(column_cuts if by_columns else row_cuts):
+        cut = k if by_columns else column_cuts + k
+        end_row, end_column = first_part_end(cut, top, bottom, left, right)
+        first_lit = rectangle_lit(lit, top, end_row, left, end_column)
+        if first_lit == 0 or first_lit == total_lit:
+            continue
+        first = rectangle_moments(moments, top, end_row, left, end_column)[0]
+        unevenness = abs(2 * first - total)
+        if unevenness < least:
+            best, least = cut, unevenness
+    return best
