@@ -1,7 +1,7 @@
 """Speed and accuracy of every stage against its peers: `make bench`.
 
-Not a timed test: a program that writes results.json and results.md beside itself. Each stage's
-module has a `run(repeats)` that times ours and the peer alternately in this process and returns
+Not a timed test: a program that writes results.json, results.md and lights.svg beside itself. Each
+stage's module has a `run(repeats)` that times ours and the peer alternately in this process and returns
 rows {stage, case, system, ms, ratio, accuracy}; ms is the median over the repeats, ratio is the
 peer's time over ours. Absolute times belong to the machine named in the file.
 """
@@ -15,6 +15,8 @@ from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
+
+from tests.benchmarks.chart import draw
 
 HERE = Path(__file__).parent
 STAGES = ("pipeline", "merge", "remap", "lights", "render")
@@ -85,6 +87,9 @@ def main() -> None:
     )
     (arguments.output / "results.json").write_text(json.dumps(results, indent=1) + "\n")
     (arguments.output / "results.md").write_text(heading + "\n".join(tables))
+    if "lights" in arguments.stages:
+        rows = [row for row in results["rows"] if row["stage"] == "lights"]
+        draw(rows, arguments.output / "lights.svg")
 
 
 if __name__ == "__main__":
