@@ -1,9 +1,9 @@
 """Speed and accuracy of every stage against its peers: `make bench`.
 
 Not a timed test: a program that writes results.json, results.md and lights.svg beside itself. Each
-stage's module has a `run(repeats)` that times ours and the peer alternately in this process and returns
-rows {stage, case, system, ms, ratio, accuracy}; ms is the median over the repeats, ratio is the
-peer's time over ours. Absolute times belong to the machine named in the file.
+stage's module has a `run(repeats)` that times ours and the peer alternately in this process and
+returns rows {stage, case, system, ms, ratio, accuracy}; ms is the median over the repeats, ratio is
+the peer's time over ours. Absolute times belong to the machine named in the file.
 """
 
 import argparse
