@@ -203,7 +203,7 @@ def _tell(notes: Sequence[str]) -> None:
 
 
 def _size(size_px: tuple[int, int]) -> str:
-    return f"{size_px[0]} x {size_px[1]} pixels"
+    return f"{size_px[0]}×{size_px[1]} px"
 
 
 COMMANDS: tuple[tuple[Callable[..., Any], str], ...] = (

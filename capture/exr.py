@@ -109,7 +109,7 @@ def _crop(path: Path, header: dict[str, Any]) -> tuple[slice, slice]:
     width, height = data_x1 - data_x0 + 1, data_y1 - data_y0 + 1
     check_size(path, width, height)
     if width * height * len(header["channels"]) > 8 * MAX_PIXELS:
-        raise UnreadableFrame(f"{path}: {len(header['channels'])} channels of {width} x {height}")
+        raise UnreadableFrame(f"{path}: {len(header['channels'])} channels of {width}×{height} px")
     for channel in header["channels"]:
         if (channel.xSampling, channel.ySampling) != (1, 1):
             raise InputError(
@@ -117,8 +117,8 @@ def _crop(path: Path, header: dict[str, Any]) -> tuple[slice, slice]:
             )
     if not (data_x0 <= x0 <= x1 <= data_x1 and data_y0 <= y0 <= y1 <= data_y1):
         raise InputError(
-            f"{path}: holds {width} x {height} pixels, which do not cover its picture of "
-            f"{x1 - x0 + 1} x {y1 - y0 + 1}; save it uncropped (data window = display window)"
+            f"{path}: holds {width}×{height} px, which do not cover its picture of "
+            f"{x1 - x0 + 1}×{y1 - y0 + 1}; save it uncropped (data window = display window)"
         )
     return slice(y0 - data_y0, y1 - data_y0 + 1), slice(x0 - data_x0, x1 - data_x0 + 1)
 

@@ -48,6 +48,6 @@ def check_size(path: Path, width_px: int, height_px: int) -> None:
     """Raise UnreadableFrame if a header announces more than MAX_PIXELS."""
     if width_px * height_px > MAX_PIXELS:
         raise UnreadableFrame(
-            f"{path}: the header says {width_px} x {height_px} pixels, more than the "
+            f"{path}: the header says {width_px}×{height_px} px, more than the "
             f"{MAX_PIXELS} that are read; the file is damaged or not a camera's picture"
         )

@@ -254,4 +254,4 @@ def _relative_difference(frame: Frame, other: Frame) -> float:
 
 def _kind(frame: Frame) -> str:
     width_px, height_px = frame.size_px
-    return f"{width_px} x {height_px} {frame.counts.dtype}"
+    return f"{width_px}×{height_px} px {frame.counts.dtype}"

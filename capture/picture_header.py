@@ -55,7 +55,7 @@ def parse_header(data: bytes) -> PictureHeader:
     except (struct.error, IndexError):
         raise ValueError("truncated: the file ends inside its header") from None
     if header.width_px < 1 or header.height_px < 1:
-        raise ValueError(f"the header says {header.width_px} x {header.height_px} pixels")
+        raise ValueError(f"the header says {header.width_px}×{header.height_px} px")
     return header
 
 

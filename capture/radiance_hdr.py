@@ -157,7 +157,7 @@ def _parse_resolution(data: bytes, start: int, header: dict[str, str]) -> _Layou
         flip_columns=signs[b"X"] == b"-",
     )
     if layout.scanlines == 0 or layout.length == 0:
-        raise ValueError(f"the header says {layout.length} x {layout.scanlines} pixels")
+        raise ValueError(f"the header says {layout.length}×{layout.scanlines} px")
     return layout
 
 

@@ -31,7 +31,7 @@ def develop(path: str, max_pixels: int) -> tuple[dict[str, Any], NDArray[np.uint
         raw.open_file(path)
         width, height = raw.sizes.raw_width, raw.sizes.raw_height
         if width * height > max_pixels:
-            raise ValueError(f"the header says {width} x {height} pixels, more than {max_pixels}")
+            raise ValueError(f"the header says {width}×{height} px, more than {max_pixels}")
         raw.unpack()
         black, white = list(raw.black_level_per_channel), raw.white_level
         counts = raw.postprocess(

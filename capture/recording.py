@@ -127,8 +127,7 @@ class Recording:
         ):
             if size_px != tuple(wanted):
                 raise UnreadableFrame(
-                    f"{path} has {size_px[0]} x {size_px[1]} pixels, {wanted[0]} x {wanted[1]} "
-                    f"{owner}"
+                    f"{path} has {size_px[0]}×{size_px[1]} px, {wanted[0]}×{wanted[1]} {owner}"
                 )
         exposure = Exposure(record.time_s, record.gain, record.f_number)
         return Frame(counts, exposure, record.timestamp_s, record.index, clipped)

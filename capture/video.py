@@ -99,8 +99,8 @@ def _frames(path: Path, container: av.container.InputContainer) -> Iterator[Vide
                 continue
             if (frame.width, frame.height) != (width_px, height_px):
                 raise InputError(
-                    f"{path}: frame {index - 1} has {frame.width} x {frame.height} pixels, the "
-                    f"first {width_px} x {height_px}; cut the video there"
+                    f"{path}: frame {index - 1} has {frame.width}×{frame.height} px, the "
+                    f"first {width_px}×{height_px}; cut the video there"
                 )
             decoded_count += 1
             yield VideoFrame(_counts(path, frame), timestamp_s - start_s, index - 1)

@@ -74,7 +74,7 @@ class Renderer:
         largest = context.info["GL_MAX_TEXTURE_SIZE"]
         if max(width, height) > largest or width * height > MAX_SAMPLES:
             raise InputError(
-                f"{width}x{height} samples are more than are drawn at once ({largest} per axis, "
+                f"{width}×{height} samples are more than are drawn at once ({largest} per axis, "
                 f"{MAX_SAMPLES} together): ask for a smaller picture or fewer samples"
             )
         self._gbuffer = GBuffer(context, scene, camera, (width, height))

@@ -148,7 +148,7 @@ class Camera:
             object.__setattr__(self, name, vector)
         width, height = self.size_px
         if width < 1 or height < 1:
-            raise InputError(f"a picture needs at least one pixel, got {width}x{height}")
+            raise InputError(f"a picture needs at least one pixel, got {width}×{height}")
         if not 0 < self.vertical_fov_rad < math.pi:
             raise InputError(f"the field of view must lie in (0, π), got {self.vertical_fov_rad}")
         side = np.cross(self.target - self.eye, self.up)

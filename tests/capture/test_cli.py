@@ -34,7 +34,7 @@ def photos(tmp_path):
 
 def test_import_inspect_merge(tmp_path, photos, capsys):
     run("import", photos, "-o", tmp_path / "r", "--licence", "CC0", "--source", "a test")
-    assert "brackets 2, frames 6, 48 x 32 pixels" in capsys.readouterr().out
+    assert "brackets 2, frames 6, 48×32 px" in capsys.readouterr().out
     run("inspect", tmp_path / "r", "--thumbnails", tmp_path / "sheet.png")
     lines = capsys.readouterr().out.splitlines()
     assert "licence: CC0" in lines

@@ -125,7 +125,7 @@ def test_picture_with_missing_pixels_is_refused(tmp_path: Path) -> None:
         dataWindow=window(5, 5, 24, 16),
         displayWindow=window(0, 0, 39, 23),
     )
-    with pytest.raises(InputError, match=r"20 x 12 pixels, which do not cover .* 40 x 24"):
+    with pytest.raises(InputError, match=r"20×12 px, which do not cover .* 40×24"):
         read_exr(path)
 
 
@@ -185,7 +185,7 @@ def test_forged_size_is_refused_before_memory_is_taken(tmp_path: Path) -> None:
         corner = np.array([0, 0, size - 1, 1023], "<i4").tobytes()
         forged = content.replace(np.array([0, 0, 19, 11], "<i4").tobytes(), corner)
         path.write_bytes(forged)
-        with pytest.raises(UnreadableFrame, match=f"{size} x 1024 pixels"):
+        with pytest.raises(UnreadableFrame, match=f"{size}×1024 px"):
             read_exr(path)
     # In a process of its own, whose memory is told apart from everything that ran before it.
     program = (

@@ -76,7 +76,7 @@ def swapped(paths):
     ("spoil", "told"),
     [
         (truncated, r"2\.jpg"),
-        (of_other_size, r"2\.jpg \(32 x 32"),
+        (of_other_size, r"2\.jpg \(32×32 px"),
         (same_exposure_other_light, r"1\.jpg and 2\.jpg have the same exposure.*--exposures"),
         (swapped, r"EV apart.*--exposures"),
     ],
@@ -97,7 +97,7 @@ def test_photographs_that_do_not_fit_are_refused_and_nothing_is_written(tmp_path
 def test_a_size_that_changes_between_brackets_is_refused(tmp_path):
     paths = write_bracket(tmp_path / "photos", times_s=(0.1,), repetitions=3)
     write_photograph(paths[1], 0.1, picture=scene_picture(0.1, (32, 32)))
-    with pytest.raises(InputError, match=r"1\.jpg \(32 x 32"):
+    with pytest.raises(InputError, match=r"1\.jpg \(32×32 px"):
         import_sources(paths, tmp_path / "r")
 
 

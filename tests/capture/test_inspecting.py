@@ -53,7 +53,7 @@ def test_the_facts_are_those_of_the_recording(tmp_path):
     assert told["camera"] == "test"
     assert told["sensor"] == "black 0, white 255; assumed sRGB"
     assert (told["source"], told["licence"], told["calibration"]) == ("made", "CC0", "none")
-    assert told["size"] == "30 x 20 pixels"
+    assert told["size"] == "30×20 px"
     assert told["brackets"] == "4 of 2 frames"
     assert told["exposures"] == "1/100 s, 1/6.25 s (4.0 EV)"
     assert told["duration"] == "0.300 s, 10 brackets a second"

@@ -254,7 +254,7 @@ def test_picture_bomb_is_refused_before_it_is_decoded(
     path.write_bytes(forge(16384, 8193))
     monkeypatch.setattr(cv2, "imdecode", lambda *_: pytest.fail("the pixels were decoded"))
     for read in (read_picture, picture_size):
-        with pytest.raises(UnreadableFrame, match="16384 x 8193 pixels"):
+        with pytest.raises(UnreadableFrame, match="16384×8193 px"):
             read(path)
 
 
@@ -276,7 +276,7 @@ def test_decoder_that_disagrees_with_the_header_is_not_believed(
         (encoded(COLOURS, "TIFF", "CMYK"), "photometric type 5"),
         (encoded(COLOURS, "TIFF", "P"), "photometric type 3"),
         (encoded(COLOURS, "TIFF", "F"), "32"),
-        (forged_png(0, 5), "0 x 5 pixels"),
+        (forged_png(0, 5), "0×5 px"),
         (forged_png(40, 40), "damaged PNG"),  # fewer pixels in it than it says
     ],
 )

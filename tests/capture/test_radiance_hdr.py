@@ -227,9 +227,9 @@ def test_no_part_of_a_file_is_a_picture(tmp_path: Path, encode: object) -> None:
         (hdr(ONE, "-Y 1 +X 1", "#?RADIANCE\nEXPOSURE=0\n"), "EXPOSURE '0'"),
         (hdr(ONE, "-Y 1 +X 1", "#?RADIANCE\nEXPOSURE=nan\n"), "EXPOSURE 'nan'"),
         (hdr(ONE, "-Y 1 +X 1", "#?RADIANCE\nCOLORCORR=1 2\n"), "COLORCORR '1 2'"),
-        (hdr(ONE, "-Y 0 +X 1"), "1 x 0 pixels"),
+        (hdr(ONE, "-Y 0 +X 1"), "1×0 px"),
         (hdr(ONE, "-Y 1 +Y 1"), "no line like"),
-        (hdr(ONE, "-Y 100000 +X 200000"), "200000 x 100000 pixels"),
+        (hdr(ONE, "-Y 100000 +X 200000"), "200000×100000 px"),
         (hdr(ONE, "-Y 8192 +X 16384"), "fewer bytes than scan lines"),
         (hdr(bytes([1, 1, 1, 5]), "-Y 1 +X 5"), "0 of 1 scan lines"),  # repeats nothing
         (hdr(ONE + bytes([1, 1, 1, 5]), "-Y 1 +X 5"), "0 of 1 scan lines"),  # one too many

@@ -166,7 +166,7 @@ def test_hostile_file_is_an_unreadable_frame(tmp_path: Path, content: bytes, rea
 def test_picture_bomb_is_refused_before_its_pixels_are_unpacked(tmp_path: Path) -> None:
     path = tmp_path / "bomb.dng"
     path.write_bytes(dng(np.full((2400, 2), level(0.5)), width=60_000))
-    with pytest.raises(UnreadableFrame, match="60000 x 2400 pixels"):
+    with pytest.raises(UnreadableFrame, match="60000×2400 px"):
         read_raw(path)
 
 

@@ -145,7 +145,7 @@ def relist(path: Path) -> None:
     [
         (Path.unlink, "no such file"),
         (damage_bytes, "SHA-256"),
-        (replace_by_other_size, "8 x 5 pixels"),
+        (replace_by_other_size, "8×5 px"),
         (replace_by_16_bit, "uint16"),
         (replace_by_text, "000002.png"),
         (replace_by_pipe, "not a regular file"),
@@ -170,7 +170,7 @@ def test_a_bracket_of_another_size_than_the_rest_is_unreadable(tmp_path):
     pictures = [noise(), noise(size=(5, 8)), noise()]
     _, failure, _ = record(tmp_path / "r", pictures)
     assert isinstance(failure, UnreadableFrame)
-    assert "8 x 5" in str(failure)
+    assert "8×5" in str(failure)
 
 
 def change_sensor(folder: Path, **changed: object) -> None:

@@ -285,7 +285,7 @@ def test_vertex_colours_are_interpolated_linearly(ctx):
 def test_too_large_a_picture_is_refused_with_the_limit(ctx):
     for size_px in ((20_000, 10), (8192, 8193)):
         camera = replace(BALL_CAMERA, size_px=size_px)
-        with pytest.raises(InputError, match="{}x{}".format(*size_px)):
+        with pytest.raises(InputError, match="{}×{}".format(*size_px)):
             Renderer(ctx, ball_scene(), camera)
 
 
