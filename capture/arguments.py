@@ -1,6 +1,7 @@
 """Types of command-line arguments that every stage's commands share."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter, Token
@@ -13,5 +14,7 @@ def _whole_number(_type: Any, tokens: Sequence[Token]) -> int:
     except ValueError:
         raise ValueError(f"wanted a whole number, got {tokens[0].value!r}.") from None
 
+
+Output = Annotated[Path, Parameter(name=["--output", "-o"])]
 
 WholeNumber = Annotated[int, Parameter(converter=_whole_number)]

@@ -3,14 +3,13 @@
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from capture.arguments import WholeNumber
+from capture.arguments import Output, WholeNumber
 from capture.errors import InputError
 from capture.exposure_check import exposure_warning
 from capture.frame import Bracket
@@ -23,8 +22,6 @@ from capture.pictures import write_png
 from capture.radiance_files import write_radiance
 from capture.recording import open_recording
 from capture.sensor import Sensor
-
-Output = Annotated[Path, Parameter(name=["--output", "-o"])]
 
 
 def import_(

@@ -1,11 +1,8 @@
 """`fishlight lights`: from an environment map to lights.json."""
 
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from capture.arguments import WholeNumber
+from capture.arguments import Output, WholeNumber
 from lighting.environment_files import read_environment
 from lighting.light_files import write_lights
 from lighting.reduce import reduce_to_lights
@@ -14,7 +11,7 @@ from lighting.reduce import reduce_to_lights
 def lights(
     environment: Path,
     *,
-    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    output: Output,
     count: WholeNumber = 64,
     method: str = "inverse-cdf",
     force: bool = False,

@@ -1,12 +1,9 @@
 """`fishlight remap`: from a camera picture to an environment map."""
 
 from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter
 
 from calibration.files import read_calibration
-from capture.arguments import WholeNumber
+from capture.arguments import Output, WholeNumber
 from capture.errors import InputError
 from capture.output import refuse_existing
 from capture.radiance_files import read_radiance
@@ -21,7 +18,7 @@ def remap(
     radiance: Path,
     *,
     calibration: Path,
-    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    output: Output,
     height: WholeNumber = 512,
     fill: Fill = "black",
     force: bool = False,

@@ -2,12 +2,10 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-from cyclopts import Parameter
 
-from capture.arguments import WholeNumber
+from capture.arguments import Output, WholeNumber
 from capture.cli import parse_exposures
 from capture.errors import InputError
 from lighting.environment_files import read_environment
@@ -19,7 +17,7 @@ _BRACKETS = 24
 
 def simulate(
     *maps: Path,
-    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    output: Output,
     calibration: Path,
     exposures: str | None = None,
     brackets: WholeNumber | None = None,
@@ -92,6 +90,3 @@ def simulate(
     )
     times = ", ".join(f"{time_s:.3g}" for time_s in times_s)
     print(f"{output}: brackets {len(moments)}, exposures {times} s, truth in {output / 'truth'}")
-
-
-COMMANDS = ((simulate, "simulate"),)

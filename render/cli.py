@@ -3,11 +3,9 @@
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from cyclopts import Parameter
-
-from capture.arguments import WholeNumber
+from capture.arguments import Output, WholeNumber
 from capture.errors import FishlightError, InputError
 from capture.output import refuse_existing
 from lighting.remap_cli import check_map_height
@@ -20,7 +18,7 @@ def replay_command(
     recording: Path,
     /,
     *,
-    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    output: Output,
     count: WholeNumber = 64,
     method: str = "inverse-cdf",
     height: WholeNumber = 512,

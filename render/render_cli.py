@@ -1,10 +1,8 @@
 """The `render` command."""
 
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
+from capture.arguments import Output
 from capture.errors import InputError
 from capture.output import refuse_existing
 from lighting.environment_files import read_environment
@@ -24,7 +22,7 @@ MAX_SIZE_PX = 8192
 def render(
     *,
     lights: Path,
-    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    output: Output,
     mesh: Path | None = None,
     size: str = "640x480",
     background: Path | None = None,

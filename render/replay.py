@@ -138,7 +138,7 @@ def replay(
                     count,
                     method,
                     timestamp_s=bracket.timestamp_s,
-                    source=f"{recording_folder.name}, bracket {bracket.index}, {method}",
+                    source=f"{recording_folder.name}, bracket {bracket.index}",
                 )
             with clock.stage("render"):
                 radiance = renderer.render(lights, environment)

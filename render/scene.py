@@ -13,8 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from capture.arrays import read_only
 from capture.errors import InputError
 
-WHITE = (1.0, 1.0, 1.0)
-
 
 @dataclass(frozen=True)
 class Material:

@@ -53,10 +53,6 @@ class Counters:
     rendered: int = 0
     failed: int = 0
 
-    def add_up(self) -> bool:
-        """Whether every captured bracket is accounted for."""
-        return self.captured == self.replaced + self.failed + self.rendered
-
 
 @dataclass
 class StageClock:

@@ -1,6 +1,0 @@
-"""The calibration stage's commands."""
-
-from collections.abc import Callable
-from typing import Any
-
-COMMANDS: tuple[tuple[Callable[..., Any], str], ...] = ()
