@@ -38,7 +38,7 @@ def exposure_warning(bracket: Bracket, sensor: Sensor) -> str:
         if linear counts disagree with their labels by more than 1 EV; or if the counts cannot be
         the sensor's.
     """
-    frames = _by_signal(bracket)
+    frames = bracket.by_signal()
     is_linear = sensor.response is None or frames[0].counts.dtype == np.float32
     warning, largest = "", WARNING_EV
     disagreements = exposure_disagreement_ev(bracket, sensor)
@@ -73,16 +73,12 @@ def exposure_disagreement_ev(bracket: Bracket, sensor: Sensor) -> NDArray[np.flo
     sensor : Sensor
         Of float counts, which are linear and have no noise model, every positive one is usable.
     """
-    frames = _by_signal(bracket)
+    frames = bracket.by_signal()
     sensor.check_counts(frames[0].counts.dtype)
     values = [_usable_values(frame, sensor) for frame in frames]
     measured = [_median_log2_ratio(shorter, longer) for shorter, longer in pairwise(values)]
     labelled = [_labelled_ev(a, b) for a, b in pairwise(frames)]
     return np.array(measured, np.float64) - np.array(labelled, np.float64)
-
-
-def _by_signal(bracket: Bracket) -> list[Frame]:
-    return sorted(bracket.frames, key=lambda frame: (frame.exposure.signal, frame.index))
 
 
 def _labelled_ev(a: Frame, b: Frame) -> float:

@@ -140,6 +140,22 @@ class Bracket:
         """Start of the first exposure."""
         return min(frame.timestamp_s for frame in self.frames)
 
+    def by_signal(self) -> list[Frame]:
+        """Return the frames from the darkest exposure to the brightest.
+
+        Equal ones stand in the order of light, timestamp and index, so that the order in which the
+        bracket holds them changes nothing.
+        """
+        return sorted(
+            self.frames,
+            key=lambda frame: (
+                frame.exposure.signal,
+                frame.exposure.light,
+                frame.timestamp_s,
+                frame.index,
+            ),
+        )
+
 
 class FrameSource(Protocol):
     """Where brackets come from: a recording, later a live camera.

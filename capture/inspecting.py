@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from capture.errors import UnreadableFrame
-from capture.frame import Bracket, Exposure, Frame
+from capture.frame import Exposure, Frame
 from capture.progress import progress
 from capture.recording import Recording
-from capture.sensor import Sensor
+from capture.sensor import Sensor, srgb_encode
 
 LISTED_EXPOSURES = 8
 LONG_INTERVAL = 1.5
@@ -58,19 +58,19 @@ def examine(recording: Recording) -> Examination:
         if isinstance(bracket, UnreadableFrame):
             failures.append(str(bracket))
             continue
-        frames = _by_signal(bracket)
-        clipped.append(clipped_share(frames[0].counts, recording.sensor))
+        frames = bracket.by_signal()
+        clipped.append(clipped_share(frames[0], recording.sensor))
         black.append(black_share(frames[-1].counts, recording.sensor))
     return Examination(tuple(failures), _mean(clipped), _mean(black))
 
 
-def clipped_share(counts: NDArray[Any], sensor: Sensor) -> float:
-    """Share of the pixels of counts (H, W, 3) that are full in a channel; 0 for float counts."""
-    if counts.dtype == np.float32:
-        return 0.0
+def clipped_share(frame: Frame, sensor: Sensor) -> float:
+    """Share of the pixels of a frame that are full in a channel; of float counts, that it marks."""
+    if frame.counts.dtype == np.float32:
+        return 0.0 if frame.clipped is None else float(frame.clipped.mean())
     table = sensor.linear_table()
     full = [np.searchsorted(table[:, channel], sensor.saturation) for channel in range(3)]
-    return float((counts >= np.array(full)).any(axis=2).mean())
+    return float((frame.counts >= np.array(full)).any(axis=2).mean())
 
 
 def black_share(counts: NDArray[Any], sensor: Sensor) -> float:
@@ -139,7 +139,7 @@ def contact_sheet(recording: Recording) -> NDArray[np.uint8]:
         start_s = recording.bracket_timestamps_s[position]
         draw.text((_MARGIN_PX, top), f"#{position}\n{start_s:.2f} s", _INK, font)
         try:
-            frames = _by_signal(recording.read_bracket(position))
+            frames = recording.read_bracket(position).by_signal()
         except UnreadableFrame:
             draw.text((_LABEL_PX + _MARGIN_PX, top), "cannot be read", _ALARM, font)
             continue
@@ -162,9 +162,7 @@ def _thumbnail(counts: NDArray[Any], sensor: Sensor, size_px: tuple[int, int]) -
         linear = finite / max(float(np.percentile(finite, 99)), 1e-30)
     else:
         linear = sensor.linear_table()[small, np.arange(3)]
-    linear = np.clip(linear, 0, 1)
-    coded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.rint(255 * coded).astype(np.uint8)
+    return np.rint(255 * srgb_encode(np.clip(linear, 0, 1))).astype(np.uint8)
 
 
 def _exposures_text(recording: Recording) -> str:
@@ -192,20 +190,14 @@ def _gaps_text(recording: Recording) -> str:
     indices = [frame.index for frame in recording.manifest.frames]
     lost_count = indices[-1] + 1 - len(indices)
     intervals_s = np.diff(recording.bracket_timestamps_s)
-    long_count = (
-        int((intervals_s > LONG_INTERVAL * np.median(intervals_s)).sum())
-        if (len(intervals_s))
-        else 0
-    )
+    long_count = 0
+    if len(intervals_s):
+        long_count = int((intervals_s > LONG_INTERVAL * np.median(intervals_s)).sum())
     return (
         f"{lost_count} frames lost before they were written, {long_count} long intervals, "
         f"{int((intervals_s == 0).sum())} repeated and {recording.raised_timestamp_count} falling "
         "timestamps"
     )
-
-
-def _by_signal(bracket: Bracket) -> list[Frame]:
-    return sorted(bracket.frames, key=lambda frame: frame.exposure.signal)
 
 
 def _evenly(count: int, most: int) -> list[int]:

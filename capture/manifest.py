@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from capture.errors import InputError
 from capture.frame import F_NUMBER_RANGE, GAIN_RANGE, TIME_RANGE_S
-from capture.output import write_text
+from capture.output import write_json
 from capture.sensor import Sensor, assumed_sensor
 
 SCHEMA = "fishlight-recording/1"
@@ -121,8 +121,7 @@ def read_manifest(folder: Path) -> Manifest:
 
 def write_manifest(folder: Path, manifest: Manifest) -> None:
     """Write manifest.json, whole or not at all."""
-    text = msgspec.json.format(msgspec.json.encode(manifest), indent=1).decode()
-    write_text(folder / MANIFEST_NAME, text + "\n")
+    write_json(folder / MANIFEST_NAME, manifest)
 
 
 def journal_line(frame: FrameRecord) -> bytes:

@@ -75,15 +75,7 @@ def merge_bracket(bracket: Bracket, sensor: Sensor) -> RadianceImage:
     InputError
         If the sensor's white level does not belong to the type of the counts.
     """
-    frames = sorted(
-        bracket.frames,
-        key=lambda frame: (
-            frame.exposure.signal,
-            frame.exposure.light,
-            frame.timestamp_s,
-            frame.index,
-        ),
-    )
+    frames = bracket.by_signal()
     if frames[0].counts.dtype == np.float32:
         return _average(frames)
     sensor.check_counts(frames[0].counts.dtype)

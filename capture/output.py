@@ -5,6 +5,9 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
+
+import msgspec
 
 from capture.errors import InputError
 
@@ -63,6 +66,12 @@ def write_text(path: Path, text: str, *, force: bool = True) -> None:
     """Write UTF-8 text to `path`, whole or not at all."""
     with replacing(path, force=force) as partial:
         partial.write_text(text, encoding="utf-8")
+
+
+def write_json(path: Path, content: Any, *, force: bool = True) -> None:
+    """Write what msgspec encodes to `path` as indented JSON, whole or not at all."""
+    text = msgspec.json.format(msgspec.json.encode(content), indent=1).decode()
+    write_text(path, text + "\n", force=force)
 
 
 def _unwritable(path: Path, error: OSError) -> InputError:

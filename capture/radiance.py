@@ -45,9 +45,8 @@ class RadianceImage:
         for name in ("valid", "clipped"):
             mask = read_only(name, getattr(self, name), np.bool_, plane)
             object.__setattr__(self, name, mask)
-        if not np.isfinite(radiance.min(initial=0)) or radiance.min(initial=0) < 0:
-            raise ValueError("radiance must be finite and at least 0; clean_radiance() sees to it")
-        if not np.isfinite(radiance.max(initial=0)):
+        low, high = radiance.min(initial=0), radiance.max(initial=0)
+        if not (low >= 0 and np.isfinite(high)):
             raise ValueError("radiance must be finite and at least 0; clean_radiance() sees to it")
 
     @property

@@ -27,10 +27,8 @@ from capture.primaries import REC709, rgb_to_xyz
 _MAGIC = (b"#?RADIANCE", b"#?RGBE")
 _MAX_HEADER_BYTES = 2**16
 _BLANK_LINE = re.compile(rb"\r?\n\r?\n")
-_MIN_RUN_WIDTH, _MAX_RUN_WIDTH = (
-    8,
-    32767,
-)  # scan lines outside are never run-length encoded by channel
+_MIN_RUN_WIDTH, _MAX_RUN_WIDTH = 8, 32767
+"""Scan lines outside are never run-length encoded by channel."""
 _RESOLUTION = re.compile(rb"([+-])([XY])\s+(\d{1,9})\s+([+-])([XY])\s+(\d{1,9})\s*")
 _STEP = np.ldexp(1.0, np.arange(256) - 136).astype(np.float32)  # value of one mantissa step
 _STEP[0] = 0.0  # exponent 0 is black

@@ -93,6 +93,11 @@ def srgb_decode(value: NDArray[Any]) -> NDArray[np.float64]:
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
 
 
+def srgb_encode(linear: NDArray[np.floating]) -> NDArray[np.floating]:
+    """sRGB-coded value of linear values in [0, 1] (IEC 61966-2-1), in their own precision."""
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+
+
 def assumed_sensor(dtype: DTypeLike) -> Sensor:
     """Sensor for counts whose camera is unknown: 8-bit is sRGB-coded, anything else linear."""
     if np.dtype(dtype) == np.uint8:

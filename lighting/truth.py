@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from capture.errors import InputError
 from capture.files import read_bytes
 from capture.manifest import SensorRecord, check_relative, sensor_of, sensor_record
-from capture.output import write_text
+from capture.output import write_json
 from capture.sensor import Sensor
 from lighting.environment_files import read_environment, write_environment
 from lighting.scenario import Disc, Moment
@@ -82,9 +82,7 @@ def write_truth(folder: Path, moments: Sequence[Moment], sensor: Sensor) -> None
                 discs,
             )
         )
-    record = _Record(_SCHEMA, sensor_record(sensor), tuple(brackets))
-    text = msgspec.json.format(msgspec.json.encode(record), indent=1).decode()
-    write_text(folder / _FILE, text + "\n")
+    write_json(folder / _FILE, _Record(_SCHEMA, sensor_record(sensor), tuple(brackets)))
 
 
 def read_truth(folder: Path) -> Truth:

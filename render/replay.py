@@ -14,7 +14,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,7 +22,7 @@ from calibration.files import read_calibration
 from capture.errors import InputError, UnreadableFrame
 from capture.frame import Bracket
 from capture.merge import merge_bracket
-from capture.output import write_text
+from capture.output import write_json
 from capture.pictures import write_png
 from capture.progress import progress
 from capture.recording import Recording, open_recording
@@ -236,7 +235,7 @@ def write_timings(path: Path, summary: ReplaySummary, *, force: bool = False) ->
             {stage: round(ms, 3) for stage, ms in frame.items()} for frame in summary.clock.frames
         ],
     }
-    write_text(path, _pretty(content), force=force)
+    write_json(path, content, force=force)
 
 
 def _calibration(recording: Recording, path: Path | None) -> Calibration:
@@ -259,8 +258,4 @@ def _write_session(output: Path, status: str, summary: ReplaySummary | None) -> 
             "failures": summary.failures,
             "gl": summary.gl,
         }
-    write_text(output / SESSION_FILE, _pretty(content))
-
-
-def _pretty(content: object) -> str:
-    return msgspec.json.format(msgspec.json.encode(content), indent=1).decode() + "\n"
+    write_json(output / SESSION_FILE, content)

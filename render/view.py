@@ -6,6 +6,7 @@ Only pictures for people go through this; files of radiance do not.
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.sensor import srgb_encode
 from lighting.environment import luminance
 
 MIDDLE_GREY = 0.18
@@ -54,8 +55,3 @@ def auto_exposure_ev(radiance: NDArray[np.floating]) -> float:
     if len(lit) == 0:
         return 0.0
     return float(np.log2(MIDDLE_GREY) - np.log2(lit).mean())
-
-
-def srgb_encode(linear: NDArray[np.floating]) -> NDArray[np.floating]:
-    """sRGB-coded value of linear values in [0, 1] (IEC 61966-2-1), in their own precision."""
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import ImageFont
 
-from capture.frame import Exposure
+from capture.frame import Exposure, Frame
 from capture.inspecting import (
     MAX_ROWS,
     _caption,
@@ -104,8 +104,15 @@ def test_clipping_begins_at_the_saturation_and_black_at_the_black_level():
     sensor = Sensor(100.0, 1000.0, saturation=0.5)  # full from 550 on
     counts = np.zeros((1, 4, 3), np.uint16)
     counts[0, :, 1] = (100, 101, 549, 550)
-    assert clipped_share(counts, sensor) == 0.25
+    assert clipped_share(Frame(counts, Exposure(1.0)), sensor) == 0.25
     assert black_share(counts, sensor) == 0.25
+
+
+def test_of_float_counts_those_are_clipped_that_the_file_marks():
+    counts = np.full((1, 4, 3), 7, np.float32)
+    marks = np.array([[True, False, False, False]])
+    assert clipped_share(Frame(counts, Exposure(1.0), clipped=marks), SRGB) == 0.25
+    assert clipped_share(Frame(counts, Exposure(1.0)), SRGB) == 0.0
 
 
 @pytest.mark.parametrize(

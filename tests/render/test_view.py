@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from render.view import SHOULDER, auto_exposure_ev, roll_off, srgb_encode, to_display
+from capture.sensor import srgb_encode
+from render.view import SHOULDER, auto_exposure_ev, roll_off, to_display
 
 
 def test_the_curve_is_that_of_colour_science():
