@@ -11,6 +11,9 @@ import msgspec
 
 from capture.errors import InputError
 
+PARTIAL_PREFIX = ".partial-"
+"""How the names of unfinished files begin; one that is killed leaves its own behind."""
+
 _UMASK = os.umask(0)  # can only be read by setting it; done once, before any thread starts
 os.umask(_UMASK)
 
@@ -43,7 +46,7 @@ def replacing(path: Path, *, force: bool = True) -> Iterator[Path]:
     if not path.parent.is_dir():
         raise InputError(f"{path.parent} is not a folder; {path.name} cannot be written there")
     try:
-        handle, name = tempfile.mkstemp(prefix=".partial-", suffix=path.suffix, dir=path.parent)
+        handle, name = tempfile.mkstemp(prefix=PARTIAL_PREFIX, suffix=path.suffix, dir=path.parent)
     except OSError as error:
         raise _unwritable(path, error) from None
     os.close(handle)

@@ -28,7 +28,7 @@ from capture.manifest import (
     sensor_record,
     write_manifest,
 )
-from capture.output import replacing
+from capture.output import PARTIAL_PREFIX, replacing
 from capture.pictures import write_jpeg, write_png
 from capture.sensor import Sensor
 
@@ -76,7 +76,9 @@ def create_recording(
     target = folder
     try:
         if replaced:
-            target = Path(tempfile.mkdtemp(prefix=f".partial-{folder.name}-", dir=folder.parent))
+            target = Path(
+                tempfile.mkdtemp(prefix=f"{PARTIAL_PREFIX}{folder.name}-", dir=folder.parent)
+            )
             target.chmod(folder.stat().st_mode & 0o777)
         else:
             target.mkdir(exist_ok=True)

@@ -35,7 +35,7 @@ def replay_command(
     recording
         Folder with a manifest.json, as `fishlight import` or `fishlight simulate` makes it.
     output
-        Folder for maps/*.exr, lights/*.json, pictures/*.png, video.mp4 and session.json.
+        Folder for maps (EXR), lights (JSON), pictures (PNG), video.mp4 and session.json.
     count
         Lights per bracket.
     method

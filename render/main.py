@@ -1,6 +1,7 @@
 """Where the `fishlight` command starts, and the one place for errors."""
 
 import os
+import signal
 import sys
 from collections.abc import Sequence
 
@@ -18,6 +19,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         from render.app import app
     except ImportError as error:
         sys.exit(_fail(f"the installation is broken ({error}); `make setup` makes it again"))
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # so it tidies up
     try:
         app(arguments, exit_on_error=False, print_error=False)
     except CycloptsError as error:

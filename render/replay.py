@@ -22,7 +22,7 @@ from calibration.files import read_calibration
 from capture.errors import InputError, UnreadableFrame
 from capture.frame import Bracket
 from capture.merge import merge_bracket
-from capture.output import write_json
+from capture.output import PARTIAL_PREFIX, write_json
 from capture.pictures import write_png
 from capture.progress import progress
 from capture.recording import Recording, open_recording
@@ -193,8 +193,8 @@ def check_output(output: Path, *, force: bool) -> None:
 
 def prepare_output(output: Path) -> None:
     """Make the result folder, emptied of an earlier replay's results and of nothing else."""
-    for name in RESULT_NAMES:
-        path = output / name
+    left_by_a_kill = output.glob(f"{PARTIAL_PREFIX}*")
+    for path in (*(output / name for name in RESULT_NAMES), *left_by_a_kill):
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path)
         else:

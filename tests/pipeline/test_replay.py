@@ -142,7 +142,7 @@ def test_a_recording_of_which_nothing_is_usable_fails(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGKILL])
+@pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_a_replay_that_is_stopped_leaves_only_whole_files(
     short_recording: Path, tmp_path: Path, signal_number: signal.Signals
 ) -> None:
@@ -163,6 +163,10 @@ def test_a_replay_that_is_stopped_leaves_only_whole_files(
         assert len(read_lights(path)) == 12
     for path in (output / "maps").glob("[0-9]*.exr"):
         read_environment(path)
+    if signal_number is not signal.SIGKILL:
+        assert list(output.rglob(".partial-*")) == []
+    assert fishlight("replay", short_recording, "-o", output, *SMALL, "--force").returncode == 0
+    assert list(output.rglob(".partial-*")) == []
 
 
 @pytest.mark.parametrize(
