@@ -1,7 +1,7 @@
 """Calibration files: one camera as JSON, simple enough to be written by hand from a data sheet.
 
 Input  : {"model": "equisolid", "image_size_px": [5616, 3744], "centre_px": [2807.5, 1871.5],
-          "focal_px": 1250.0, "valid_angle_rad": 1.62}, the model's other parameters by name, and
+          "focal_px": 1248, "valid_angle_rad": 1.6232}, the model's other parameters by name, and
          optionally R_world_camera, image_circle {centre_px, radius_px} and vignetting [v1, …].
 Output : Calibration, or InputError in one line that names the file and the key.
 """

@@ -21,7 +21,8 @@ class LightSet:
         ∫ L dω over what the light stands for, linear Rec.709: the irradiance on a surface that
         faces it. Finite and at least 0.
     angular_radius_rad : (K,) float64
-        Radius of the cone with the solid angle that the light stands for; 0 for a point.
+        Radius of what the light stands for, 0 for a point: of the cone with its solid angle where
+        light is sampled, of the uniform disc with its spread where the map is cut into cells.
     timestamp_s : float
         Moment of the bracket the lights come from.
     clipped_fraction : float
