@@ -6,7 +6,7 @@ where to cut it. Both parts of a cut have light. A light has all the light of it
 its centroid, and is as wide as its cell's light is spread.
 
 Domain : world frame. The seam is an edge of the first cell, whatever the map shows there.
-Input  : EnvironmentMap and a method's two functions.    Output : lights.
+Input  : sums over blocks and a method's two functions.    Output : lights.
 Fails  : a source on the seam takes two lights (tests/limits/test_cells_seam.py); sources within one
          block are one light (tests/limits/test_cells_blocks.py).
 """
@@ -18,9 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lighting.environment import EnvironmentMap
 from lighting.summed_area import (
-    block_sums,
     cell_sums,
     rectangle_lit,
     rectangle_moments,
@@ -43,9 +41,18 @@ _BALANCED = 1e-9
 
 
 def lights_of_cells(
-    environment: EnvironmentMap, count: int, choose_cut: ChooseCut, priority: Priority
+    blocks: Array, count: int, choose_cut: ChooseCut, priority: Priority
 ) -> tuple[Array, Array, Array]:
     """Return one light for each of at most `count` cells that hold all the light of a map.
+
+    Parameters
+    ----------
+    blocks : (rows, columns, 7) float64
+        Sums over the blocks of the map, as from `summed_area.block_sums`.
+    count : int
+        Number of lights, at least 1.
+    choose_cut, priority : callable
+        The method.
 
     Returns
     -------
@@ -53,7 +60,7 @@ def lights_of_cells(
         Unit vectors toward the centroids of the cells' luminance. +Y where that is the centre of
         the sphere.
     irradiance : (n, 3) float64
-        ∫L dω of each cell; together, of the map.
+        ∫L dω of each cell; together, of all blocks.
     angular_radius_rad : (n,) float64
         Of the uniform disc whose mean direction is as long as the cell's, R = (1 + cos a)/2. At
         most π/2, beyond which no surface sees all of it.
@@ -63,7 +70,6 @@ def lights_of_cells(
     n is `count`, or the number of blocks with light if that is smaller. With one light more, one
     light is replaced and one is added at the end; all others stay.
     """
-    blocks = block_sums(environment.radiance)
     moments, lit = summed_area_tables(blocks)
     if lit[-1, -1] == 0:
         return np.empty((0, 3)), np.empty((0, 3)), np.empty(0)

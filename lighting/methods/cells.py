@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lighting.cell_splitting import Array, Cell, cut_variances, lights_of_cells
 from lighting.environment import EnvironmentMap
-from lighting.summed_area import variance
+from lighting.summed_area import block_sums, variance
 
 
 def cells(environment: EnvironmentMap, count: int) -> tuple[Array, Array, Array]:
@@ -46,7 +46,12 @@ def cells(environment: EnvironmentMap, count: int) -> tuple[Array, Array, Array]
     2 leave 3 to 7 % more. Behind occluders 2 is better at 256 lights, by a tenth, and 0 and ½ are
     worse. The other half of the maps agrees.
     """
-    return lights_of_cells(environment, count, _least_sum, _importance)
+    return cells_of_blocks(block_sums(environment.radiance), count)
+
+
+def cells_of_blocks(blocks: Array, count: int) -> tuple[Array, Array, Array]:
+    """Return what `cells` does, from sums over blocks (rows, columns, 7)."""
+    return lights_of_cells(blocks, count, _least_sum, _importance)
 
 
 def _least_sum(moments: Array, lit: NDArray[np.int64], cell: Cell) -> int:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lighting.cell_splitting import Array, Cell, cut_variances, lights_of_cells
 from lighting.environment import EnvironmentMap
-from lighting.summed_area import variance
+from lighting.summed_area import block_sums, variance
 
 
 def variance_minimisation(environment: EnvironmentMap, count: int) -> tuple[Array, Array, Array]:
@@ -48,7 +48,12 @@ def variance_minimisation(environment: EnvironmentMap, count: int) -> tuple[Arra
     longer side. For any count, not only 2ⁿ, the cell of largest variance is cut next instead of
     all of a round; with 64 and 256 lights on 33 captured maps irradiance is as good or better.
     """
-    return lights_of_cells(environment, count, _least_larger, variance)
+    return variance_minimisation_of_blocks(block_sums(environment.radiance), count)
+
+
+def variance_minimisation_of_blocks(blocks: Array, count: int) -> tuple[Array, Array, Array]:
+    """Return what `variance_minimisation` does, from sums over blocks (rows, columns, 7)."""
+    return lights_of_cells(blocks, count, _least_larger, variance)
 
 
 def _least_larger(moments: Array, lit: NDArray[np.int64], cell: Cell) -> int:
