@@ -1,10 +1,11 @@
 """lights.json: a light set as text that other programs can read and write.
 
 One object with `schema`, `coordinate_frame`, `colour_space`, `scale`, `source`, `timestamp_s`,
-`clipped_fraction` and `lights`, each with `direction`, `irradiance` and `angular_radius_rad`, one a
-line. Only `lights` with directions and irradiances must be there, for files written by hand; what
-is there must say what fishlight means by it. Unknown keys are ignored. Numbers are written with as
-many digits as bring every bit back.
+`clipped_fraction`, `predicted_error`, `block_rows`, `fill` (nine coefficients of three channels,
+see harmonics.py; empty for none) and `lights`, each with `direction`, `irradiance`,
+`angular_radius_rad`, `is_key` and `shadow_map_px`, one a line. Only `lights` with directions and
+irradiances must be there, for files written by hand; what is there must say what fishlight means by
+it. Unknown keys are ignored. Numbers are written with as many digits as bring every bit back.
 """
 
 import math
@@ -18,6 +19,7 @@ from msgspec import Meta
 from capture.errors import InputError
 from capture.output import write_text
 from capture.radiance import RELATIVE
+from lighting import harmonics
 from lighting.light_set import LightSet
 
 _FORMAT = "fishlight-lights"
@@ -36,6 +38,8 @@ class _Light(msgspec.Struct, frozen=True):
     direction: tuple[float, float, float]
     irradiance: tuple[_NotNegative, _NotNegative, _NotNegative]
     angular_radius_rad: Annotated[float, Meta(ge=0, le=np.pi)] = 0.0
+    is_key: bool = False
+    shadow_map_px: int | None = None  # a suggestion, worked out anew from the radius when read
 
 
 class _LightFile(msgspec.Struct, frozen=True, kw_only=True):
@@ -46,6 +50,9 @@ class _LightFile(msgspec.Struct, frozen=True, kw_only=True):
     source: str = ""
     timestamp_s: float = 0.0
     clipped_fraction: Annotated[float, Meta(ge=0, le=1)] = 0.0
+    predicted_error: _NotNegative | None = None
+    block_rows: int | None = None
+    fill: tuple[tuple[float, float, float], ...] = ()
     lights: tuple[_Light, ...]
 
 
@@ -58,7 +65,8 @@ def read_lights(path: Path) -> LightSet:
     ------
     InputError
         If the file cannot be read, is not lights.json of schema 1, uses another coordinate frame
-        or colour space, or a light has a direction that is no unit vector or negative irradiance.
+        or colour space, a light has a direction that is no unit vector or negative irradiance, or
+        the fill is negative somewhere.
     """
     try:
         file = msgspec.json.decode(path.read_bytes(), type=_LightFile)
@@ -76,16 +84,27 @@ def read_lights(path: Path) -> LightSet:
             f"{path}: the direction of light {index} must be a unit vector, "
             f"its length is {length[index]:.6g}"
         )
+    fill = np.array(file.fill, np.float64).reshape(-1, 3)
+    if len(fill) not in (0, harmonics.COUNT):
+        raise InputError(f"{path}: fill must hold {harmonics.COUNT} coefficients, got {len(fill)}")
+    fill = fill if len(fill) else np.zeros((harmonics.COUNT, 3))
     unit = np.where(np.abs(length - 1) > _EXACT, length, 1.0)
-    return LightSet(
-        directions / unit[:, None],
-        irradiance,
-        np.array([light.angular_radius_rad for light in file.lights]),
-        timestamp_s=file.timestamp_s,
-        clipped_fraction=file.clipped_fraction,
-        scale=file.scale,
-        source=file.source,
-    )
+    try:
+        return LightSet(
+            directions / unit[:, None],
+            irradiance,
+            np.array([light.angular_radius_rad for light in file.lights]),
+            timestamp_s=file.timestamp_s,
+            clipped_fraction=file.clipped_fraction,
+            scale=file.scale,
+            source=file.source,
+            is_key=np.array([light.is_key for light in file.lights], np.bool_),
+            fill=fill,
+            predicted_error=file.predicted_error,
+            block_rows=file.block_rows,
+        )
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from error
 
 
 def write_lights(path: Path, lights: LightSet, *, force: bool = False) -> None:
@@ -96,15 +115,24 @@ def write_lights(path: Path, lights: LightSet, *, force: bool = False) -> None:
     InputError
         If the file exists and `force` is not set, or its folder does not.
     """
-    arrays = (lights.directions, lights.irradiance, lights.angular_radius_rad)
+    arrays = (
+        lights.directions,
+        lights.irradiance,
+        lights.angular_radius_rad,
+        lights.is_key,
+        lights.shadow_map_px,
+    )
     file = _LightFile(
         scale=lights.scale,
         source=lights.source,
         timestamp_s=lights.timestamp_s,
         clipped_fraction=lights.clipped_fraction,
+        predicted_error=lights.predicted_error,
+        block_rows=lights.block_rows,
+        fill=tuple(map(tuple, lights.fill.tolist())) if lights.fill.any() else (),
         lights=tuple(
-            _Light(tuple(direction), tuple(irradiance), radius)
-            for direction, irradiance, radius in zip(*(a.tolist() for a in arrays), strict=True)
+            _Light(tuple(direction), tuple(irradiance), *rest)
+            for direction, irradiance, *rest in zip(*(a.tolist() for a in arrays), strict=True)
         ),
     )
     write_text(path, _to_text(file), force=force)

@@ -8,11 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from capture.errors import InputError
+from lighting.harmonics import windowed
 from lighting.light_files import read_lights, write_lights
 from lighting.light_set import LightSet
 from lighting.reduce import reduce_to_lights
 from tests.environments import constant, outdoors
 
+LIGHT_KEYS = {"direction", "irradiance", "angular_radius_rad", "is_key", "shadow_map_px"}
 LIGHT = {"direction": [0, 1, 0], "irradiance": [1, 2, 3], "angular_radius_rad": 0.5}
 
 
@@ -29,17 +31,19 @@ def write_json(path, **fields):
             st.floats(-np.pi, np.pi),
             *[st.floats(0, 1e300)] * 3,
             st.floats(0, np.pi),
+            st.booleans(),
         ),
         max_size=5,
     ),
     st.floats(-1e12, 1e12),
     st.floats(0, 1),
     st.text(),
+    st.none() | st.floats(0, 1e300),
 )
 def test_what_is_written_is_read_back_bit_for_bit(
-    tmp_path_factory, rows, timestamp_s, clipped_fraction, source
+    tmp_path_factory, rows, timestamp_s, clipped_fraction, source, error
 ):
-    table = np.array(rows).reshape(-1, 6)
+    table = np.array(rows).reshape(-1, 7)
     y, phi = table[:, 0], table[:, 1]
     level = np.sqrt(1 - y * y)
     lights = LightSet(
@@ -50,13 +54,24 @@ def test_what_is_written_is_read_back_bit_for_bit(
         clipped_fraction=clipped_fraction,
         scale="cd/m²",
         source=source,
+        is_key=table[:, 6] == 1,
+        fill=windowed(np.random.default_rng(len(rows)).uniform(0, 1, (9, 3))) * (len(rows) % 2),
+        predicted_error=error,
+        block_rows=len(rows) or None,
     )
     path = tmp_path_factory.mktemp("lights") / "lights.json"
     write_lights(path, lights)
     again = read_lights(path)
-    for name in ("directions", "irradiance", "angular_radius_rad"):
+    for name in ("directions", "irradiance", "angular_radius_rad", "is_key", "fill"):
         np.testing.assert_array_equal(getattr(again, name), getattr(lights, name))
-    for name in ("timestamp_s", "clipped_fraction", "scale", "source"):
+    for name in (
+        "timestamp_s",
+        "clipped_fraction",
+        "scale",
+        "source",
+        "predicted_error",
+        "block_rows",
+    ):
         assert getattr(again, name) == getattr(lights, name)
 
 
@@ -71,7 +86,7 @@ def test_the_file_says_what_its_numbers_mean(tmp_path):
     assert content["source"] == "map.exr: 3 lights by inverse-cdf"
     assert content["timestamp_s"] == 1.5
     assert content["clipped_fraction"] == 0
-    assert [set(light) for light in content["lights"]] == [set(LIGHT)] * 3
+    assert [set(light) for light in content["lights"]] == [LIGHT_KEYS] * 3
 
 
 def test_the_file_has_a_light_a_line(tmp_path):
@@ -108,7 +123,7 @@ def test_lights_alone_are_enough_for_a_file_written_by_hand(tmp_path):
 
 
 def test_keys_of_a_later_version_are_ignored(tmp_path):
-    path = write_json(tmp_path / "a.json", schema="fishlight-lights/1.4", fill=[1, 2])
+    path = write_json(tmp_path / "a.json", schema="fishlight-lights/1.4", glare=[1, 2])
     assert len(read_lights(path)) == 1
 
 
@@ -149,6 +164,10 @@ def test_a_direction_rounded_to_four_digits_is_brought_to_unit_length(tmp_path):
         ({"lights": [LIGHT | {"angular_radius_rad": -0.1}]}, "angular_radius_rad"),
         ({"lights": [LIGHT | {"angular_radius_rad": 4}]}, "angular_radius_rad"),
         ({"lights": [{"direction": [0, 1, 0]}]}, "irradiance"),
+        ({"fill": [[1, 1, 1]] * 8}, "9 coefficients, got 8"),
+        ({"fill": [[1, 1]] * 9}, "fill"),
+        ({"fill": [[0, 0, 0], *[[1, 1, 1]] * 8]}, "at least 0 in every direction"),
+        ({"predicted_error": -1}, "predicted_error"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(tmp_path, fields, message):
@@ -188,3 +207,22 @@ def test_a_number_beyond_float64_is_refused(tmp_path):
 def test_a_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(InputError, match=r"gone.json cannot be read: No such file"):
         read_lights(tmp_path / "gone.json")
+
+
+def test_a_point_is_worth_a_larger_shadow_map_than_a_wide_light():
+    lights = LightSet(np.tile([0.0, 1, 0], (4, 1)), np.ones((4, 3)), np.array([0, 0.005, 0.1, 1.5]))
+    np.testing.assert_array_equal(lights.shadow_map_px, [2048, 1024, 64, 64])
+
+
+@pytest.mark.parametrize("degree", [0, 1, 2])
+def test_the_order_of_a_fill_is_its_highest_degree(degree):
+    fill = np.zeros((9, 3))
+    fill[0] = 1
+    fill[degree * degree, 1] = 0.1 if degree else 1
+    lights = LightSet(np.empty((0, 3)), np.empty((0, 3)), np.empty(0), fill=fill)
+    assert lights.fill_order == degree
+    np.testing.assert_allclose(lights.integral(), np.sqrt(4 * np.pi) * fill[0])
+
+
+def test_a_set_without_fill_has_no_order():
+    assert reduce_to_lights(constant(), 3).fill_order is None
