@@ -23,12 +23,12 @@ from capture.radiance import RadianceImage
 from lighting.environment import EnvironmentMap
 from lighting.footprint import BAND_PARTS, add_band, count_entries, fill_entries, row_balance
 from lighting.latlong import solid_angles
+from lighting.pixel_grid import pixel_corners, pixel_illumination
 
 _FULL = 0.8
 """Share of a cell that pixels must cover for it to be taken as covered whole: below it the cell
 lies on the edge of the picture, above it the difference to 1 is the unevenness of sampling."""
 _BALANCE_ROUNDS = 8
-_RIM_HALVINGS = 12
 _OPERATOR_PX = 8_000_000
 """Largest picture for which a whole operator is built on the way."""
 _BAND_PX = 1_000_000
@@ -78,7 +78,7 @@ def build_remap(calibration: Calibration, height: int) -> Remap:
     is left is the error of a small light's flux.
     """
     factors = row_balance(height)
-    corners, seen = _pixel_grid(calibration, 0, calibration.image_size_px[1])
+    corners, seen = pixel_corners(calibration, 0, calibration.image_size_px[1])
     counts = count_entries(corners, seen, factors)
     starts = np.zeros(counts.shape[1] + 1, np.int64)
     np.cumsum(counts.sum(axis=0), out=starts[1:])
@@ -86,7 +86,7 @@ def build_remap(calibration: Calibration, height: int) -> Remap:
     pixels, masses, pixel_sr = fill_entries(corners, seen, factors, places, int(starts[-1]))
     cell_sr = np.repeat(solid_angles(height), 2 * height)
     weights, coverage = _balance(starts, pixels, masses, pixel_sr, cell_sr)
-    illumination = _illumination(calibration, 0, calibration.image_size_px[1])
+    illumination = pixel_illumination(calibration, 0, calibration.image_size_px[1])
     if illumination.size:
         weights /= illumination[pixels]
     return Remap(
@@ -164,13 +164,13 @@ def remap_image(calibration: Calibration, image: RadianceImage, height: int) -> 
     band_rows = max(_BAND_PX // columns, 1)
     for first in range(0, rows, band_rows):
         last = min(first + band_rows, rows)
-        corners, seen = _pixel_grid(calibration, first, last)
+        corners, seen = pixel_corners(calibration, first, last)
         add_band(
             corners,
             seen & image.valid[first:last],
             factors,
             image.radiance[first:last],
-            _illumination(calibration, first, last).reshape(-1, columns),
+            pixel_illumination(calibration, first, last).reshape(-1, columns),
             image.clipped[first:last],
             flux,
             seen_sr,
@@ -184,55 +184,6 @@ def remap_image(calibration: Calibration, image: RadianceImage, height: int) -> 
     return EnvironmentMap(
         radiance.reshape(*shape, 3), valid.reshape(shape), clipped.reshape(shape), image.scale
     )
-
-
-def _pixel_grid(
-    calibration: Calibration, first_row: int, last_row: int
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return directions (h + 1, W + 1, 3) of the corners of rows, and which pixels are seen (h, W).
-
-    A pixel is seen if its centre is. Where the lens model ends between the centre and a corner (the
-    outline of a mirror ball, whose last pixels span many degrees), the corner is pulled inward.
-    """
-    width = calibration.image_size_px[0]
-    corner_px = _pixels(width + 1, first_row, last_row + 1) - 0.5
-    centre_px = _pixels(width, first_row, last_row)
-    corners, _ = calibration.unproject(corner_px)
-    _, seen = calibration.unproject(centre_px)
-    unknown = ~np.isfinite(corners).all(axis=-1)
-    if unknown.any():
-        counts = _sum_at_corners(seen[..., None].astype(np.float64))
-        unknown &= counts[..., 0] > 0
-        inside = (_sum_at_corners(centre_px * seen[..., None])[unknown]) / counts[unknown]
-        outside = corner_px[unknown]
-        for _ in range(_RIM_HALVINGS):
-            middle = (inside + outside) / 2
-            known = np.isfinite(calibration.unproject(middle)[0]).all(axis=-1, keepdims=True)
-            inside, outside = np.where(known, middle, inside), np.where(known, outside, middle)
-        corners[unknown] = calibration.unproject(inside)[0]
-    return corners, np.asarray(seen)
-
-
-def _sum_at_corners(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the sum of pixel values (h, W, k) around each corner, (h + 1, W + 1, k)."""
-    padded = np.pad(values, ((1, 1), (1, 1), (0, 0)))
-    return padded[:-1, :-1] + padded[:-1, 1:] + padded[1:, :-1] + padded[1:, 1:]
-
-
-def _pixels(width: int, first_row: int, last_row: int) -> NDArray[np.float64]:
-    """Return the coordinates (x, y) of picture rows, (h, width, 2)."""
-    grid = np.meshgrid(np.arange(width), np.arange(first_row, last_row))
-    return np.stack(grid, axis=-1).astype(np.float64)
-
-
-def _illumination(calibration: Calibration, first_row: int, last_row: int) -> NDArray[np.float32]:
-    """Return the relative illumination of rows of pixels, (h W,); empty without vignetting."""
-    if not any(calibration.vignetting):
-        return np.empty(0, np.float32)
-    pixels = _pixels(calibration.image_size_px[0], first_row, last_row)
-    directions, seen = calibration.unproject(pixels)
-    illumination = calibration.relative_illumination(calibration.axis_angle(directions))
-    return np.where(seen, illumination, 1.0).astype(np.float32).ravel()
 
 
 @njit(cache=True, nogil=True, parallel=True)
