@@ -1,8 +1,9 @@
-"""The lighting stage's commands: simulate, remap and lights."""
+"""The lighting stage's commands: simulate, remap, lights and export."""
 
 from collections.abc import Callable
 from typing import Any
 
+from lighting.export_cli import export
 from lighting.lights_cli import lights
 from lighting.remap_cli import remap
 from lighting.simulate_cli import simulate
@@ -11,4 +12,5 @@ COMMANDS: tuple[tuple[Callable[..., Any], str], ...] = (
     (simulate, "simulate"),
     (remap, "remap"),
     (lights, "lights"),
+    (export, "export"),
 )

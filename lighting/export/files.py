@@ -1,0 +1,71 @@
+"""Export on disk: a scene in the format its suffix names, and its dome's map beside it."""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from capture.errors import InputError
+from capture.output import refuse_existing, replacing
+from lighting.environment_files import write_environment
+from lighting.export.blender import to_blender
+from lighting.export.gltf import to_glb, to_gltf
+from lighting.export.orientation import Convention, in_convention
+from lighting.export.radiance import to_radiance
+from lighting.export.rig import LightRig
+from lighting.export.usd import to_usda
+from lighting.light_set import LightSet
+
+
+@dataclass(frozen=True)
+class _Format:
+    """How a scene is written, and in what convention and kind of file its dome."""
+
+    encode: Callable[[LightSet, str | None], bytes]
+    convention: Convention
+    dome_suffix: str = ".exr"
+
+
+_FORMATS = {
+    ".usda": _Format(to_usda, "usd"),
+    ".gltf": _Format(to_gltf, "three"),
+    ".glb": _Format(to_glb, "three"),
+    ".py": _Format(to_blender, "blender"),
+    ".rad": _Format(to_radiance, "exr", ".hdr"),  # Radiance reads no OpenEXR
+}
+
+SCENE_SUFFIXES = tuple(_FORMATS)
+
+
+def write_scene(path: Path, rig: LightRig, *, force: bool = False) -> Path | None:
+    """Write the lights to `path`, and their dome beside it; return the dome's path, or None.
+
+    The dome's file has the scene's whole name before its own suffix (`scene.usda.dome.exr`), for
+    domes of other formats have other conventions. Both files are written whole, or neither is.
+
+    Raises
+    ------
+    InputError
+        If the suffix is none of SCENE_SUFFIXES, a file exists and `force` is not set, or the folder
+        does not exist.
+    """
+    try:
+        scene_format = _FORMATS[path.suffix.lower()]
+    except KeyError:
+        wanted = ", ".join(SCENE_SUFFIXES)
+        raise InputError(f"{path}: wanted a scene named {wanted}") from None
+    dome_path = path.with_name(f"{path.name}.dome{scene_format.dome_suffix}")
+    if rig.dome is None:
+        with replacing(path, force=force) as partial:
+            partial.write_bytes(scene_format.encode(rig.lights, None))
+        return None
+    if set(dome_path.name) & set('"@\n\r'):
+        raise InputError(f"{path}: a scene with a dome needs a name without quotes, @ and newlines")
+    refuse_existing(path, force=force)
+    dome = in_convention(rig.dome, scene_format.convention)
+    with ExitStack() as files:
+        scene_partial = files.enter_context(replacing(path, force=force))
+        dome_partial = files.enter_context(replacing(dome_path, force=force))
+        write_environment(dome_partial, dome)
+        scene_partial.write_bytes(scene_format.encode(rig.lights, dome_path.name))
+    return dome_path
