@@ -14,8 +14,10 @@ from lighting.environment import LUMINANCE_WEIGHTS, EnvironmentMap, luminance
 from lighting.latlong import solid_angles
 from lighting.light_set import LightSet
 from lighting.methods.cells import cells
+from lighting.methods.hierarchical import hierarchical
 from lighting.methods.inverse_cdf import inverse_cdf
 from lighting.methods.median_cut import median_cut
+from lighting.methods.stratified import stratified_random
 from lighting.methods.variance_minimisation import variance_minimisation
 
 Array = NDArray[np.float64]
@@ -23,6 +25,8 @@ Method = Callable[[EnvironmentMap, int], tuple[Array, Array, Array]]
 
 METHODS: Mapping[str, Method] = {
     "inverse-cdf": inverse_cdf,
+    "stratified-random": stratified_random,
+    "hierarchical": hierarchical,
     "median-cut": median_cut,
     "variance-minimisation": variance_minimisation,
     "cells": cells,

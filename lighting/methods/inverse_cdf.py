@@ -24,13 +24,16 @@ References
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from lighting.environment import LUMINANCE_WEIGHTS, EnvironmentMap, luminance
-from lighting.latlong import solid_angles
+from lighting.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from lighting.low_discrepancy import low_discrepancy_points
-
-Array = NDArray[np.float64]
+from lighting.sampled_lights import (
+    Array,
+    Cells,
+    directions_and_density,
+    lights_of_samples,
+    row_integrals,
+)
 
 
 def inverse_cdf(environment: EnvironmentMap, count: int) -> tuple[Array, Array, Array]:
@@ -45,34 +48,19 @@ def inverse_cdf(environment: EnvironmentMap, count: int) -> tuple[Array, Array, 
 
     Returns
     -------
-    directions : (count, 3) float64
-        Unit vectors in the world frame, toward the light.
-    irradiance : (count, 3) float64
-        Radiance × sr. Each light has the chromaticity of the cell that it lies in.
-    angular_radius_rad : (count,) float64
-        Radius of the cone of solid angle 1/(count · p), p the density at the light: its share of
-        the sphere if all lights were like it. At most π/2, beyond which no surface sees all of it.
-
-    Notes
-    -----
-    E_i = (Φ/count) L(d_i)/Y(d_i) is the usual estimate L/(count · p) with p = Y/Φ, Φ = ∫ Y dω and
-    Y the luminance. It has the right luminance but only about the right colour, so each channel is
-    then scaled by one factor that makes Σ E_i = ∫ L dω exact; a channel that no light caught is
-    spread evenly over all. Colour is thus as coarse as the lights are few: one light has the mean
-    colour of the map.
+    directions, irradiance, angular_radius_rad : (count, 3), (count, 3), (count,) float64
+        As `sampled_lights.lights_of_samples`.
     """
-    radiance = environment.radiance
-    row_light = _row_integrals(radiance)
-    integral = row_light.sum(axis=0)
-    power = float(integral @ LUMINANCE_WEIGHTS)
-    if power == 0:
+    return lights_of_points(environment, low_discrepancy_points(count))
+
+
+def lights_of_points(environment: EnvironmentMap, points: Array) -> tuple[Array, Array, Array]:
+    """Return the lights that points (n, 2) of the unit square are carried to, see `inverse_cdf`."""
+    row_light = row_integrals(environment.radiance)
+    if not row_light.any():
         return np.empty((0, 3)), np.empty((0, 3)), np.empty(0)
-    rows, columns, directions = _carry(radiance, row_light, low_discrepancy_points(count))
-    cells = radiance[rows, columns].astype(np.float64)
-    cell_luminance = luminance(cells)
-    irradiance = cells * (power / count / cell_luminance)[:, None]
-    density = cell_luminance / power
-    return directions, _with_sum(irradiance, integral), _cone_radius(1 / (count * density))
+    cells, fractions = _carry(environment, row_light, points)
+    return lights_of_samples(environment.radiance, row_light.sum(axis=0), cells, fractions)
 
 
 def sample_directions(environment: EnvironmentMap, points: Array) -> tuple[Array, Array]:
@@ -96,64 +84,16 @@ def sample_directions(environment: EnvironmentMap, points: Array) -> tuple[Array
     ValueError
         If the map holds no light.
     """
-    row_light = _row_integrals(environment.radiance)
-    power = float(row_light.sum(axis=0) @ LUMINANCE_WEIGHTS)
-    if power == 0:
+    row_light = row_integrals(environment.radiance)
+    if not row_light.any():
         raise ValueError("a map without light has no density to sample")
-    rows, columns, directions = _carry(environment.radiance, row_light, points)
-    return directions, luminance(environment.radiance[rows, columns]) / power
+    cells, fractions = _carry(environment, row_light, points)
+    return directions_and_density(environment.radiance, row_light.sum(axis=0), cells, fractions)
 
 
-def _carry(
-    radiance: NDArray[np.float32], row_light: Array, points: Array
-) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
-    """Return row (n,), column (n,) and direction (n, 3) of points (n, 2)."""
-    height = len(radiance)
-    cumulative_rows = np.cumsum(row_light @ LUMINANCE_WEIGHTS)
-    cells, fractions = _cells(radiance, cumulative_rows, points)
-    rows, columns = cells.T
-    row_fraction, column_fraction = fractions.T
-
-    edges = np.cos(np.linspace(0.0, np.pi, height + 1))
-    cos_theta = edges[rows] + row_fraction * (edges[rows + 1] - edges[rows])
-    sin_theta = np.sqrt((1 - cos_theta) * (1 + cos_theta))
-    phi = np.pi - np.pi / height * (columns + column_fraction)
-    directions = np.stack([sin_theta * np.sin(phi), cos_theta, sin_theta * np.cos(phi)], axis=-1)
-    return rows, columns, directions
-
-
-def _row_integrals(radiance: NDArray[np.float32]) -> Array:
-    """Return ∫ L dω over each row and channel, (N, 3)."""
-    return _row_sums(radiance) * solid_angles(len(radiance))[:, None]
-
-
-def _with_sum(irradiance: Array, total: Array) -> Array:
-    """Return irradiance (n, 3) scaled per channel to sum to `total` (3,)."""
-    caught = irradiance.sum(axis=0)
-    lit = caught > 0
-    factor = np.divide(total, caught, out=np.zeros(3), where=lit)
-    return irradiance * factor + np.where(lit, 0.0, total / len(irradiance))
-
-
-def _cone_radius(solid_angle_sr: Array) -> Array:
-    """Return the angle in rad between axis and edge of a cone, at most π/2."""
-    share = np.minimum(solid_angle_sr / (4 * np.pi), 0.5)
-    return 2 * np.arcsin(np.sqrt(share))
-
-
-@njit(cache=True, nogil=True)
-def _row_sums(radiance):  # type: ignore[no-untyped-def]
-    """Sum over each row and channel in float64, (N, 3); numpy takes 15 times as long."""
-    height, width, _ = radiance.shape
-    sums = np.empty((height, 3))
-    for row in range(height):
-        red = green = blue = 0.0
-        for column in range(width):
-            red += radiance[row, column, 0]
-            green += radiance[row, column, 1]
-            blue += radiance[row, column, 2]
-        sums[row, 0], sums[row, 1], sums[row, 2] = red, green, blue
-    return sums
+def _carry(environment: EnvironmentMap, row_light: Array, points: Array) -> tuple[Cells, Array]:
+    """Return the cell (n, 2) of each point (n, 2), and how far into it, (n, 2)."""
+    return _cells(environment.radiance, np.cumsum(row_light @ LUMINANCE_WEIGHTS), points)
 
 
 @njit(cache=True, nogil=True)

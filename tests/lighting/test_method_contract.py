@@ -21,7 +21,7 @@ from tests.environments import (
     two_cells,
 )
 
-PREFIX_METHODS = ("inverse-cdf",)
+PREFIX_METHODS = ("inverse-cdf", "hierarchical")
 """Methods whose n lights stand where the first n of any larger number do."""
 
 CELL_METHODS = ("median-cut", "variance-minimisation", "cells")
@@ -31,6 +31,8 @@ ERROR_BOUNDS = {
     # Relative rms error of irradiance: of the outdoor map with 16, 64, 256 and 1024 lights, of the
     # same map turned by any columns (256 lights), and of a lamp anywhere (64).
     "inverse-cdf": {"outdoors": (0.25, 0.045, 0.025, 0.005), "turned": 0.045, "lamp": 0.045},
+    "stratified-random": {"outdoors": (0.25, 0.09, 0.02, 0.01), "turned": 0.05, "lamp": 0.06},
+    "hierarchical": {"outdoors": (0.2, 0.04, 0.012, 0.002), "turned": 0.03, "lamp": 0.03},
     "median-cut": {"outdoors": (0.05, 0.0085, 0.0015, 0.0002), "turned": 0.002, "lamp": 0.02},
     "variance-minimisation": {
         "outdoors": (0.03, 0.0045, 0.0011, 0.0003),
@@ -179,8 +181,8 @@ def test_turning_the_map_turns_the_light(method, columns):
 @pytest.mark.parametrize("elevation", [0.0, 0.6, 1.5, np.pi / 2, -np.pi / 2], ids="{:.2f}".format)
 def test_seam_and_poles_are_ordinary_places(method, azimuth, elevation):
     # A lamp on the seam (azimuth π) or a pole comes out as well as one anywhere. With 64 lights,
-    # over all azimuths and elevations tried: inverse CDF 1.0 to 3.6 %, median cut 0.4 to 1.5 %,
-    # the others 0.09 to 0.20 %.
+    # over all azimuths and elevations tried: inverse CDF 1.0 to 3.6 %, stratified random 0.8 to
+    # 4.3 %, hierarchical 1.0 to 2.0 %, median cut 0.4 to 1.5 %, the others 0.09 to 0.20 %.
     y, level = np.sin(elevation), np.cos(elevation)
     lamp = blob((level * np.sin(azimuth), y, level * np.cos(azimuth)))
     lights = reduce_to_lights(lamp, 64, method)
@@ -192,14 +194,16 @@ def test_seam_and_poles_are_ordinary_places(method, azimuth, elevation):
 def test_64_lights_of_an_even_sky_light_evenly(method):
     lights = reduce_to_lights(constant(64), 64, method)
     measured = irradiance(normals(), lights.directions, lights.irradiance)
-    # E = π L on every surface under an even sky.
-    assert relative_rms(measured, np.full_like(measured, np.pi)) < 0.02
+    # E = π L on every surface under an even sky. Random points reach 3.8 %, the others 1.6 %.
+    bound = 0.05 if method == "stratified-random" else 0.02
+    assert relative_rms(measured, np.full_like(measured, np.pi)) < bound
 
 
 @each_method
 @pytest.mark.parametrize("number", range(4), ids=(16, 64, 256, 1024))
 def test_more_lights_light_more_truly(method, number):
-    # When written, in %: inverse CDF 20.0, 3.3, 1.8, 0.23; median cut 4.0, 0.64, 0.11, 0.015;
+    # When written, in %: inverse CDF 20.0, 3.3, 1.8, 0.23; stratified random 16.2, 5.8, 1.3, 0.64;
+    # hierarchical 12.1, 2.7, 0.80, 0.11; median cut 4.0, 0.64, 0.11, 0.015;
     # variance minimisation 2.2, 0.34, 0.08, 0.018; cells 2.2, 0.36, 0.10, 0.012.
     lights = reduce_to_lights(outdoors(), (16, 64, 256, 1024)[number], method)
     measured = irradiance(normals(), lights.directions, lights.irradiance)
