@@ -1,7 +1,7 @@
 """What to assume about directions that the camera did not see.
 
-Input  : an environment map with unseen cells.    Output : the map, with a guess in them.
-Unseen cells stay marked as not valid: they were filled, not measured.
+Input  : an environment map or block sums, in part unseen.    Output : the same, with a guess there.
+What is unseen stays marked so: it was filled, not measured.
 """
 
 from dataclasses import replace
@@ -10,11 +10,16 @@ from typing import Literal, get_args
 import numpy as np
 
 from capture.errors import InputError
-from lighting.environment import EnvironmentMap
+from lighting.blocks import BlockSums
+from lighting.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from lighting.latlong import solid_angles
+from lighting.summed_area import block_sums
 
 Fill = Literal["black", "mean", "mirror"]
 """Black; the mean radiance of what was seen; what was seen mirrored at the horizon."""
+
+_UPSIDE_DOWN = np.array([1.0, 1.0, -1.0, 1.0, 1.0, 1.0, 1.0])
+"""Signs of sums over a block that is mirrored at the horizon: of ∫Y d dω, y turns."""
 
 
 def fill_unseen(environment: EnvironmentMap, fill: Fill) -> EnvironmentMap:
@@ -30,8 +35,7 @@ def fill_unseen(environment: EnvironmentMap, fill: Fill) -> EnvironmentMap:
     InputError
         If there is no such fill, or "mean" or "mirror" is asked of a map without a seen cell.
     """
-    if fill not in get_args(Fill):
-        raise InputError(f"fill must be {', '.join(get_args(Fill))}, got {fill}")
+    _check(fill)
     seen = environment.valid
     radiance = np.where(seen[..., None], environment.radiance, np.float32(0))
     clipped = environment.clipped.copy()
@@ -47,3 +51,42 @@ def fill_unseen(environment: EnvironmentMap, fill: Fill) -> EnvironmentMap:
             radiance[from_mirror] = radiance[::-1][from_mirror]
             clipped |= from_mirror & environment.clipped[::-1]
     return replace(environment, radiance=radiance, clipped=clipped)
+
+
+def fill_blocks(blocks: BlockSums, fill: Fill) -> BlockSums:
+    """Return block sums with the unseen share of each block filled, as `fill_unseen` does a map.
+
+    A block that is seen in part gets the fill for the rest of its solid angle; of "mirror" that is
+    the mean of what was seen of the block as far on the other side of the horizon.
+
+    Raises
+    ------
+    InputError
+        If there is no such fill, or "mean" or "mirror" is asked where nothing was seen.
+    """
+    _check(fill)
+    unseen = 1.0 - blocks.seen
+    if fill == "black" or not unseen.any():
+        return blocks
+    rows, columns = blocks.seen.shape
+    of_radiance_1 = block_sums(np.ones((rows, columns, 3), np.float32))
+    seen_sr = float((blocks.seen * of_radiance_1[..., 0]).sum())
+    if seen_sr == 0:
+        raise InputError(f"nothing of the sphere was seen, so it cannot be filled by its {fill}")
+    mean = blocks.integral() / seen_sr
+    factors = np.concatenate([np.full(4, mean @ LUMINANCE_WEIGHTS), mean])
+    filling = of_radiance_1 * factors
+    clipped = blocks.clipped
+    if fill == "mirror":
+        below = blocks.seen[::-1]
+        has_mirror = below > 0
+        per_seen = np.divide(1.0, below, out=np.zeros_like(below), where=has_mirror)
+        mirrored = blocks.sums[::-1] * _UPSIDE_DOWN * per_seen[..., None]
+        filling = np.where(has_mirror[..., None], mirrored, filling)
+        clipped = clipped + unseen * per_seen * blocks.clipped[::-1]
+    return replace(blocks, sums=blocks.sums + unseen[..., None] * filling, clipped=clipped)
+
+
+def _check(fill: str) -> None:
+    if fill not in get_args(Fill):
+        raise InputError(f"fill must be {', '.join(get_args(Fill))}, got {fill}")

@@ -2,26 +2,34 @@
 
 A method is a function of an environment map and a count that returns directions (K, 3), irradiance
 (K, 3) and angular radii (K,); tests/lighting/test_method_contract.py states what each keeps to.
+Methods that need no more of a map than its block sums also take those, wherever they come from.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import InputError
+from lighting.blocks import BlockSums
 from lighting.environment import LUMINANCE_WEIGHTS, EnvironmentMap, luminance
 from lighting.latlong import solid_angles
 from lighting.light_set import LightSet
-from lighting.methods.cells import cells
+from lighting.methods.cells import cells, cells_of_blocks
 from lighting.methods.hierarchical import hierarchical
 from lighting.methods.inverse_cdf import inverse_cdf
-from lighting.methods.median_cut import median_cut
+from lighting.methods.median_cut import median_cut, median_cut_of_blocks
 from lighting.methods.stratified import stratified_random
-from lighting.methods.variance_minimisation import variance_minimisation
+from lighting.methods.variance_minimisation import (
+    variance_minimisation,
+    variance_minimisation_of_blocks,
+)
 
 Array = NDArray[np.float64]
-Method = Callable[[EnvironmentMap, int], tuple[Array, Array, Array]]
+Lights = tuple[Array, Array, Array]
+"""Directions (K, 3), irradiance (K, 3) and angular radii (K,)."""
+Method = Callable[[EnvironmentMap, int], Lights]
+BlockMethod = Callable[[Array, int], Lights]
 
 METHODS: Mapping[str, Method] = {
     "inverse-cdf": inverse_cdf,
@@ -31,6 +39,13 @@ METHODS: Mapping[str, Method] = {
     "variance-minimisation": variance_minimisation,
     "cells": cells,
 }
+
+BLOCK_METHODS: Mapping[str, BlockMethod] = {
+    "median-cut": median_cut_of_blocks,
+    "variance-minimisation": variance_minimisation_of_blocks,
+    "cells": cells_of_blocks,
+}
+"""Those of `METHODS` that take block sums (rows, columns, 7) too."""
 
 MOST_LIGHTS = 65536
 """More lights than any renderer here draws; a larger number is a slip of the keyboard."""
@@ -64,10 +79,7 @@ def reduce_to_lights(
     InputError
         If the count is out of range or the method unknown.
     """
-    if not 1 <= count <= MOST_LIGHTS:
-        raise InputError(f"the number of lights must be 1 to {MOST_LIGHTS}, got {count}")
-    if method not in METHODS:
-        raise InputError(f"no method is called {method!r}; there are: {', '.join(METHODS)}")
+    _check(count, method, METHODS, "method")
     directions, irradiance, angular_radius_rad = METHODS[method](environment, count)
     made = f"{len(directions)} lights by {method}"
     return LightSet(
@@ -79,6 +91,44 @@ def reduce_to_lights(
         scale=environment.scale,
         source=f"{source}: {made}" if source else made,
     )
+
+
+def reduce_blocks_to_lights(
+    blocks: BlockSums,
+    count: int,
+    method: str = "cells",
+    *,
+    timestamp_s: float = 0.0,
+    source: str = "",
+) -> LightSet:
+    """Return `count` distant lights whose irradiances sum to the integral over all blocks.
+
+    What `reduce_to_lights` does, for a key of `BLOCK_METHODS` and without a map.
+
+    Raises
+    ------
+    InputError
+        If the count is out of range or the method is not one that takes blocks.
+    """
+    _check(count, method, BLOCK_METHODS, "method for block sums")
+    directions, irradiance, angular_radius_rad = BLOCK_METHODS[method](blocks.sums, count)
+    made = f"{len(directions)} lights by {method}"
+    return LightSet(
+        directions,
+        irradiance,
+        angular_radius_rad,
+        timestamp_s=timestamp_s,
+        clipped_fraction=blocks.clipped_fraction,
+        scale=blocks.scale,
+        source=f"{source}: {made}" if source else made,
+    )
+
+
+def _check(count: int, method: str, methods: Iterable[str], kind: str) -> None:
+    if not 1 <= count <= MOST_LIGHTS:
+        raise InputError(f"the number of lights must be 1 to {MOST_LIGHTS}, got {count}")
+    if method not in methods:
+        raise InputError(f"no {kind} is called {method!r}; there are: {', '.join(methods)}")
 
 
 def _clipped_fraction(environment: EnvironmentMap, integral: Array) -> float:

@@ -1,0 +1,61 @@
+"""From a camera's radiance picture to lights, by the shortest way that the method allows.
+
+Input  : a RadianceImage and the Calibration of its camera.    Output : a LightSet.
+Methods that take block sums get them straight from the picture (source_blocks.py); the others get
+an environment map (remap.py).
+Cost   : for one picture mostly that of finding out where its pixels look, about a second a
+megapixel. A session does that once: `build_source_blocks`, then `apply_source_blocks` and
+`reduce_blocks_to_lights` for each picture.
+"""
+
+from calibration.camera import Calibration
+from capture.radiance import RadianceImage
+from lighting.fill import Fill, fill_blocks, fill_unseen
+from lighting.light_set import LightSet
+from lighting.reduce import BLOCK_METHODS, reduce_blocks_to_lights, reduce_to_lights
+from lighting.remap import remap_image
+from lighting.source_blocks import picture_blocks
+
+_MAP_HEIGHT = 512
+
+
+def reduce_picture_to_lights(
+    calibration: Calibration,
+    image: RadianceImage,
+    count: int,
+    method: str = "cells",
+    *,
+    fill: Fill = "black",
+    timestamp_s: float = 0.0,
+    source: str = "",
+) -> LightSet:
+    """Return `count` distant lights for what a camera's picture shows.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    image : RadianceImage
+    count : int
+        Number of lights, see `reduce_to_lights`.
+    method : str
+        A key of `METHODS`.
+    fill : Fill
+        What directions hold that the camera did not see.
+    timestamp_s : float
+        Moment of the picture.
+    source : str
+        What the picture is, for people.
+
+    Raises
+    ------
+    InputError
+        If the picture's size is not the calibration's, the count is out of range, or there is no
+        such method or fill.
+    """
+    if method in BLOCK_METHODS:
+        blocks = fill_blocks(picture_blocks(calibration, image), fill)
+        return reduce_blocks_to_lights(
+            blocks, count, method, timestamp_s=timestamp_s, source=source
+        )
+    environment = fill_unseen(remap_image(calibration, image, _MAP_HEIGHT), fill)
+    return reduce_to_lights(environment, count, method, timestamp_s=timestamp_s, source=source)
