@@ -50,12 +50,13 @@ def received(
         0 to π. A disc of radius 0 is a point.
     """
     radius = np.where(angular_radius_rad < _SMALLEST_RADIUS_RAD, 0.0, angular_radius_rad)
+    # Copies, because numba would compile anew for arrays that are read-only or not contiguous.
     return _received(
-        normals,
-        openings,
+        np.array(normals, order="C"),
+        np.array(openings, order="C"),
         np.array([np.cos(opening_radius_rad), np.sin(opening_radius_rad)]),
         np.column_stack([directions, np.cos(radius), np.sin(radius)]),
-        np.ascontiguousarray(irradiance, np.float64),
+        np.array(irradiance, np.float64, order="C"),
     )
 
 
