@@ -5,8 +5,8 @@ A pixel is the spherical polygon of its corners, for which both integrals have c
 tile what the camera sees, so sums over them are exact too. A pixel of up to half a block is one
 piece, in the block that its middle lies in. A larger one is divided into pieces of at most that.
 Domain : the compiled kernels work on plain arrays; lighting/source_blocks.py is their door.
-Fails  : sides of pixels are taken for great circles, which a lens bends a little; between neighbours
-it evens out. Pixels that span more than about 90°, whose corners no longer tell their shape.
+Fails  : sides of pixels are taken for great circles, which a lens bends a little; what one pixel
+loses its neighbour gains. Corners no longer tell the shape of pixels of more than about 90°.
 """
 
 import math

@@ -9,6 +9,7 @@ megapixel. A session does that once: `build_source_blocks`, then `apply_source_b
 """
 
 from calibration.camera import Calibration
+from capture.errors import InputError
 from capture.radiance import RadianceImage
 from lighting.fill import Fill, fill_blocks, fill_unseen
 from lighting.light_set import LightSet
@@ -49,13 +50,25 @@ def reduce_picture_to_lights(
     Raises
     ------
     InputError
-        If the picture's size is not the calibration's, the count is out of range, or there is no
-        such method or fill.
+        If the picture's size is not the calibration's, none of its valid pixels is seen, the count
+        is out of range, or there is no such method or fill.
     """
     if method in BLOCK_METHODS:
-        blocks = fill_blocks(picture_blocks(calibration, image), fill)
+        blocks = picture_blocks(calibration, image)
+        _check_seen(bool(blocks.seen.any()))
         return reduce_blocks_to_lights(
-            blocks, count, method, timestamp_s=timestamp_s, source=source
+            fill_blocks(blocks, fill), count, method, timestamp_s=timestamp_s, source=source
         )
-    environment = fill_unseen(remap_image(calibration, image, _MAP_HEIGHT), fill)
-    return reduce_to_lights(environment, count, method, timestamp_s=timestamp_s, source=source)
+    environment = remap_image(calibration, image, _MAP_HEIGHT)
+    _check_seen(bool(environment.valid.any()))
+    return reduce_to_lights(
+        fill_unseen(environment, fill), count, method, timestamp_s=timestamp_s, source=source
+    )
+
+
+def _check_seen(is_any: bool) -> None:
+    if not is_any:
+        raise InputError(
+            "no valid pixel of the picture lies in what the calibration says the camera sees; "
+            "check that they belong together"
+        )

@@ -69,7 +69,7 @@ def test_tells_of_a_clipped_sun(tmp_path, capsys):
     write_environment(path, EnvironmentMap(radiance, np.ones_like(clipped), clipped))
     lights(path, output=tmp_path / "lights.json")
     # Row 3 of 8 spans cos 67.5° = 0.3827 of the 2 of the sphere.
-    assert "19.1% of the light comes from clipped cells" in capsys.readouterr().out
+    assert "19.1% of the light comes from clipped pixels" in capsys.readouterr().out
 
 
 def test_tells_of_an_empty_map(tmp_path, capsys):
