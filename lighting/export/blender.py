@@ -9,6 +9,7 @@ Fails  : EEVEE draws large suns as if they were small.
 
 from lighting.export.orientation import quaternions, z_up
 from lighting.export.rig import (
+    DomeFile,
     disc_radius_rad,
     facing_irradiance,
     light_names,
@@ -57,8 +58,8 @@ if DOME is not None:
 '''
 
 
-def to_blender(lights: LightSet, dome_name: str | None) -> bytes:
-    """Return a Python script that adds the lights and the map `dome_name` beside it to a scene."""
+def to_blender(lights: LightSet, dome: DomeFile | None) -> bytes:
+    """Return a Python script that adds the lights, and the dome's map beside it, to a scene."""
     strength, colour = strength_and_colour(facing_irradiance(lights))
     suns = zip(
         light_names(lights),
@@ -71,7 +72,7 @@ def to_blender(lights: LightSet, dome_name: str | None) -> bytes:
     script = _SCRIPT.format(
         source=" ".join(lights.source.split()),
         scale=" ".join(lights.scale.split()),
-        dome=dome_name,
+        dome=dome and dome.name,
         suns="".join(f"    {sun!r},\n" for sun in suns),
     )
     return script.encode()

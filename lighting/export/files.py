@@ -12,7 +12,7 @@ from lighting.export.blender import to_blender
 from lighting.export.gltf import to_glb, to_gltf
 from lighting.export.orientation import Convention, in_convention
 from lighting.export.radiance import to_radiance
-from lighting.export.rig import LightRig
+from lighting.export.rig import DomeFile, LightRig
 from lighting.export.usd import to_usda
 from lighting.light_set import LightSet
 
@@ -21,7 +21,7 @@ from lighting.light_set import LightSet
 class _Format:
     """How a scene is written, and in what convention and kind of file its dome."""
 
-    encode: Callable[[LightSet, str | None], bytes]
+    encode: Callable[[LightSet, DomeFile | None], bytes]
     convention: Convention
     dome_suffix: str = ".exr"
 
@@ -67,5 +67,7 @@ def write_scene(path: Path, rig: LightRig, *, force: bool = False) -> Path | Non
         scene_partial = files.enter_context(replacing(path, force=force))
         dome_partial = files.enter_context(replacing(dome_path, force=force))
         write_environment(dome_partial, dome)
-        scene_partial.write_bytes(scene_format.encode(rig.lights, dome_path.name))
+        scene_partial.write_bytes(
+            scene_format.encode(rig.lights, DomeFile(dome_path.name, dome.height))
+        )
     return dome_path

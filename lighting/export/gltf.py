@@ -22,6 +22,7 @@ import numpy as np
 
 from lighting.export.orientation import quaternions
 from lighting.export.rig import (
+    DomeFile,
     disc_radius_rad,
     facing_irradiance,
     light_names,
@@ -32,26 +33,26 @@ from lighting.light_set import LightSet
 _EXTENSION = "KHR_lights_punctual"
 
 
-def to_gltf(lights: LightSet, dome_name: str | None) -> bytes:
-    """Return the lights as a .gltf file (JSON); `dome_name` is that of the map beside it."""
-    return json.dumps(_scene(lights, dome_name), indent=1, ensure_ascii=False).encode() + b"\n"
+def to_gltf(lights: LightSet, dome: DomeFile | None) -> bytes:
+    """Return the lights as a .gltf file (JSON), which names the dome's map beside it."""
+    return json.dumps(_scene(lights, dome), indent=1, ensure_ascii=False).encode() + b"\n"
 
 
-def to_glb(lights: LightSet, dome_name: str | None) -> bytes:
+def to_glb(lights: LightSet, dome: DomeFile | None) -> bytes:
     """Return the lights as a .glb file: the same JSON as a binary file's only chunk."""
-    content = json.dumps(_scene(lights, dome_name), ensure_ascii=False).encode()
+    content = json.dumps(_scene(lights, dome), ensure_ascii=False).encode()
     content += b" " * (-len(content) % 4)
     chunk = struct.pack("<I4s", len(content), b"JSON") + content
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunk)) + chunk
 
 
-def _scene(lights: LightSet, dome_name: str | None) -> dict[str, Any]:
+def _scene(lights: LightSet, dome: DomeFile | None) -> dict[str, Any]:
     names = light_names(lights)
     strength, colour = strength_and_colour(facing_irradiance(lights))
     rotations = np.roll(quaternions(lights.directions), -1, axis=1)  # glTF's order is x, y, z, w
     extras = {"scale": lights.scale, "source": lights.source}
-    if dome_name is not None:
-        extras |= {"environmentMap": dome_name, "environmentMapConvention": "three"}
+    if dome is not None:
+        extras |= {"environmentMap": dome.name, "environmentMapConvention": "three"}
     scene: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "fishlight"},
         "scene": 0,

@@ -7,6 +7,7 @@ a map, becomes a hemisphere of the same ∫ L dω.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,13 @@ class LightRig:
     lights: LightSet
     dome: EnvironmentMap | None
     missing: NDArray[np.float64]
+
+
+class DomeFile(NamedTuple):
+    """The map of a dome on disk: its name, in the scene's folder, and its rows."""
+
+    name: str
+    height: int
 
 
 def light_rig(lights: LightSet, environment: EnvironmentMap | None = None) -> LightRig:

@@ -5,7 +5,9 @@ UsdLux normalises a DistantLight such that `intensity` is the illuminance on a s
 it, whatever its `angle`: L = intensity / (π sin² θ), θ half the angle, which is a full diameter in
 degrees; a light of angle 0 gives its intensity. It shines along its own −Z. A DomeLight's texture
 is oriented as OpenEXR's lat-long maps, which is our orientation.
-Fails  : renderers older than the specification [1] normalise in ways of their own.
+Fails  : renderers older than the specification [1] normalise in ways of their own. Blender 4.5
+         reads (and writes) the angle as a radius and multiplies the intensity by 4: for Blender,
+         export a script.
 
 References
 ----------
@@ -19,6 +21,7 @@ import numpy as np
 
 from lighting.export.orientation import quaternions
 from lighting.export.rig import (
+    DomeFile,
     disc_radius_rad,
     facing_irradiance,
     light_names,
@@ -27,8 +30,8 @@ from lighting.export.rig import (
 from lighting.light_set import LightSet
 
 
-def to_usda(lights: LightSet, dome_name: str | None) -> bytes:
-    """Return the lights as a .usda file, with a dome from the map `dome_name` beside it."""
+def to_usda(lights: LightSet, dome: DomeFile | None) -> bytes:
+    """Return the lights as a .usda file, with a DomeLight of the map beside it."""
     strength, colour = strength_and_colour(facing_irradiance(lights))
     prims = [
         f'''
@@ -51,11 +54,11 @@ def to_usda(lights: LightSet, dome_name: str | None) -> bytes:
             strict=True,
         )
     ]
-    if dome_name is not None:
+    if dome is not None:
         prims.append(f"""
     def DomeLight "dome"
     {{
-        asset inputs:texture:file = @@@./{dome_name}@@@
+        asset inputs:texture:file = @./{dome.name}@
         token inputs:texture:format = "latlong"
     }}
 """)
