@@ -74,7 +74,7 @@ def lights_of_cells(
     if lit[-1, -1] == 0:
         return np.empty((0, 3)), np.empty((0, 3)), np.empty(0)
     cells = _split(moments, lit, count, choose_cut, priority)
-    return _lights(cell_sums(blocks, np.array(cells)))
+    return lights_of_sums(cell_sums(blocks, np.array(cells)))
 
 
 def parts(cell: Cell, cut: int) -> tuple[Cell, Cell]:
@@ -130,7 +130,7 @@ def _split(
     return cells
 
 
-def _lights(sums: Array) -> tuple[Array, Array, Array]:
+def lights_of_sums(sums: Array) -> tuple[Array, Array, Array]:
     """Return directions, irradiance and angular radii of sums (n, 7) over cells."""
     power, centroid, irradiance = sums[:, 0], sums[:, 1:4], sums[:, 4:]
     length = np.linalg.norm(centroid, axis=1)

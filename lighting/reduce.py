@@ -20,6 +20,7 @@ from lighting.methods.hierarchical import hierarchical
 from lighting.methods.inverse_cdf import inverse_cdf
 from lighting.methods.median_cut import median_cut, median_cut_of_blocks
 from lighting.methods.stratified import stratified_random
+from lighting.methods.structured import structured
 from lighting.methods.variance_minimisation import (
     variance_minimisation,
     variance_minimisation_of_blocks,
@@ -37,6 +38,7 @@ METHODS: Mapping[str, Method] = {
     "hierarchical": hierarchical,
     "median-cut": median_cut,
     "variance-minimisation": variance_minimisation,
+    "structured": structured,
     "cells": cells,
 }
 
