@@ -183,8 +183,8 @@ def test_turning_the_map_turns_the_light(method, columns):
 def test_seam_and_poles_are_ordinary_places(method, azimuth, elevation):
     # A lamp on the seam (azimuth π) or a pole comes out as well as one anywhere. With 64 lights,
     # over all azimuths and elevations tried: inverse CDF 1.0 to 3.6 %, stratified random 0.8 to
-    # 4.3 %, hierarchical 1.0 to 2.0 %, median cut 0.4 to 1.5 %, structured 0.35 to
-    # 0.89 %, the others 0.09 to 0.20 %.
+    # 4.3 %, hierarchical 1.0 to 2.0 %, median cut 0.4 to 1.5 %, structured 0.35
+    # to 0.89 %, the others 0.09 to 0.20 %.
     y, level = np.sin(elevation), np.cos(elevation)
     lamp = blob((level * np.sin(azimuth), y, level * np.cos(azimuth)))
     lights = reduce_to_lights(lamp, 64, method)
@@ -205,8 +205,8 @@ def test_64_lights_of_an_even_sky_light_evenly(method):
 @pytest.mark.parametrize("number", range(4), ids=(16, 64, 256, 1024))
 def test_more_lights_light_more_truly(method, number):
     # When written, in %: inverse CDF 20.0, 3.3, 1.8, 0.23; stratified random 16.2, 5.8, 1.3, 0.64;
-    # hierarchical 12.1, 2.7, 0.80, 0.11; median cut 4.0, 0.64, 0.11, 0.015;
-    # variance minimisation 2.2, 0.34, 0.08, 0.018; structured 4.0, 0.44, 0.08, 0.021; cells 2.2, 0.36, 0.10, 0.012.
+    # hierarchical 12.1, 2.7, 0.80, 0.11; median cut 4.0, 0.64, 0.11, 0.015; variance minimisation
+    # 2.2, 0.34, 0.08, 0.018; structured 4.0, 0.44, 0.08, 0.021; cells 2.2, 0.36, 0.10, 0.012.
     lights = reduce_to_lights(outdoors(), (16, 64, 256, 1024)[number], method)
     measured = irradiance(normals(), lights.directions, lights.irradiance)
     error = relative_rms(measured, true_irradiance(normals(), outdoors()))
