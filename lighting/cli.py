@@ -1,8 +1,9 @@
-"""The lighting stage's commands: simulate, remap, lights and export."""
+"""The lighting stage's commands: simulate, remap, lights, export and chart."""
 
 from collections.abc import Callable
 from typing import Any
 
+from lighting.chart_cli import chart_app
 from lighting.export_cli import export
 from lighting.lights_cli import lights
 from lighting.remap_cli import remap
@@ -13,4 +14,5 @@ COMMANDS: tuple[tuple[Callable[..., Any], str], ...] = (
     (remap, "remap"),
     (lights, "lights"),
     (export, "export"),
+    (chart_app, "chart"),
 )

@@ -4,7 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.environment import EnvironmentMap
+from lighting.error_measures import spread_directions
 from lighting.latlong import cell_directions
+from lighting.outdoors import outdoors as outdoors  # the tests' map too
 
 
 def environment(radiance: NDArray[np.floating]) -> EnvironmentMap:
@@ -51,31 +53,14 @@ def sun_in_sky(
     return environment(radiance)
 
 
-def outdoors(height: int = 64, seed: int = 0) -> EnvironmentMap:
-    """Blue sky, a warm glow around a low sun, dark textured ground: smooth but for the texture."""
-    directions = cell_directions(height)
-    elevation = directions[..., 1:2]
-    sun = np.array([0.6, 0.5, 0.62])
-    cosine = directions @ (sun / np.linalg.norm(sun))
-    sky = np.array([0.4, 0.6, 1.0]) * (1.2 - elevation)
-    glow = np.array([1.0, 0.8, 0.5]) * (3e2 * np.exp((cosine - 1) * 400))[..., None]
-    texture = np.random.default_rng(seed).uniform(0.5, 1.5, (height, 2 * height, 1))
-    ground = np.array([0.30, 0.25, 0.18]) * texture
-    return environment(np.where(elevation > 0, sky + glow, ground))
-
-
 def turned(environment_map: EnvironmentMap, columns: int) -> EnvironmentMap:
     """Return the map rolled to the right by whole columns: turned about +Y by −2π columns/2N."""
     return environment(np.roll(environment_map.radiance, columns, axis=1))
 
 
 def normals(count: int = 192) -> NDArray[np.float64]:
-    """Return unit vectors spread over the sphere, (count, 3): a golden spiral."""
-    index = np.arange(count) + 0.5
-    z = 1 - 2 * index / count
-    longitude = index * np.pi * (3 - np.sqrt(5))
-    radius = np.sqrt(1 - z * z)
-    return np.stack([radius * np.sin(longitude), z, radius * np.cos(longitude)], axis=-1)
+    """Return unit vectors spread over the sphere, (count, 3)."""
+    return spread_directions(count)
 
 
 def irradiance(
