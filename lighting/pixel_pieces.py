@@ -77,9 +77,9 @@ def polygon_moment(a, b, c, d):  # type: ignore[no-untyped-def]
     """
     x = y = z = 0.0
     for p, q in ((a, b), (b, c), (c, d), (d, a)):
-        nx = p[1] * q[2] - p[2] * q[1]
-        ny = p[2] * q[0] - p[0] * q[2]
-        nz = p[0] * q[1] - p[1] * q[0]
+        # p × q as p × (q − p), which loses no digits where they are close.
+        dx, dy, dz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+        nx, ny, nz = p[1] * dz - p[2] * dy, p[2] * dx - p[0] * dz, p[0] * dy - p[1] * dx
         sine = math.sqrt(nx * nx + ny * ny + nz * nz)
         if sine > 0.0:
             angle = math.atan2(sine, p[0] * q[0] + p[1] * q[1] + p[2] * q[2])

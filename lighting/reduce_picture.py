@@ -54,21 +54,15 @@ def reduce_picture_to_lights(
         is out of range, or there is no such method or fill.
     """
     if method in BLOCK_METHODS:
-        blocks = picture_blocks(calibration, image)
-        _check_seen(bool(blocks.seen.any()))
+        blocks = fill_blocks(picture_blocks(calibration, image), fill)
         return reduce_blocks_to_lights(
-            fill_blocks(blocks, fill), count, method, timestamp_s=timestamp_s, source=source
+            blocks, count, method, timestamp_s=timestamp_s, source=source
         )
     environment = remap_image(calibration, image, _MAP_HEIGHT)
-    _check_seen(bool(environment.valid.any()))
-    return reduce_to_lights(
-        fill_unseen(environment, fill), count, method, timestamp_s=timestamp_s, source=source
-    )
-
-
-def _check_seen(is_any: bool) -> None:
-    if not is_any:
+    if not environment.valid.any():
         raise InputError(
-            "no valid pixel of the picture lies in what the calibration says the camera sees; "
-            "check that they belong together"
+            "the valid pixels of the picture cover no cell of the map by half; "
+            "check that picture and calibration belong together"
         )
+    environment = fill_unseen(environment, fill)
+    return reduce_to_lights(environment, count, method, timestamp_s=timestamp_s, source=source)

@@ -119,16 +119,23 @@ def picture_blocks(
     Raises
     ------
     InputError
-        If the picture's size is not the calibration's.
+        If the picture's size is not the calibration's, or it has no valid pixel that is seen.
     """
     calibration.check_size(image.size_px, "the picture")
     width, height = image.size_px
     light = _Light(rows, 2 * rows)
+    is_any_valid = False
     band_rows = max(_BAND_PX // width, 1)
     for first in range(0, height, band_rows):
         band = slice(first, min(first + band_rows, height))
         entries = _entries(calibration, rows, band.start, band.stop)
         light.add(entries, image.radiance[band], image.valid[band], image.clipped[band])
+        is_any_valid |= bool(image.valid[band].ravel()[entries.pixels].any())
+    if not is_any_valid:
+        raise InputError(
+            "no valid pixel of the picture lies in what the calibration says the camera sees; "
+            "check that they belong together"
+        )
     return light.block_sums(_seen_shares(calibration, rows), image.scale)
 
 

@@ -80,6 +80,38 @@ def test_tells_of_an_empty_map(tmp_path, capsys):
     assert len(read_lights(tmp_path / "lights.json")) == 0
 
 
+@pytest.fixture
+def camera_files(tmp_path):
+    """A picture of 64² px, half of the sphere at radiance 2, and its calibration."""
+    lens = Equidistant((31.5, 31.5), 64 / np.pi)
+    calibration = tmp_path / "cal.json"
+    write_calibration(calibration, Calibration(lens, (64, 64), np.pi / 2, UP))
+    picture = tmp_path / "radiance.exr"
+    write_exr(picture, dict.fromkeys("RGB", np.full((64, 64), 2.0, np.float32)), {})
+    return picture, calibration
+
+
+@pytest.mark.parametrize(("method", "fill"), [("cells", "mean"), ("inverse-cdf", "black")])
+def test_takes_a_camera_picture_with_its_calibration(camera_files, tmp_path, capsys, method, fill):
+    picture, calibration = camera_files
+    output = tmp_path / "lights.json"
+    lights(picture, output=output, calibration=calibration, count=9, method=method, fill=fill)
+    share = 0.5 if fill == "black" else 1.0
+    written = read_lights(output)
+    np.testing.assert_allclose(written.irradiance.sum(axis=0), share * 4 * np.pi * 2, rtol=3e-3)
+    assert f"radiance.exr: 9 lights by {method}" in capsys.readouterr().out
+
+
+def test_a_picture_of_another_size_than_the_calibration_is_refused(camera_files, map_path):
+    with pytest.raises(InputError, match=r"map\.exr is 32×16 px.*64×64"):
+        lights(map_path, output=map_path.with_suffix(".json"), calibration=camera_files[1])
+
+
+def test_a_map_is_not_filled(map_path):
+    with pytest.raises(InputError, match=r"--calibration.*remap"):
+        lights(map_path, output=map_path.with_suffix(".json"), fill="mean")
+
+
 def test_an_existing_output_is_kept_unless_forced(map_path, tmp_path):
     output = tmp_path / "lights.json"
     output.write_text("mine")
