@@ -10,9 +10,9 @@ from capture.arguments import Output
 from capture.errors import InputError
 from capture.output import refuse_existing
 from capture.radiance_files import HDR_SUFFIXES
-from lighting.environment_files import read_environment, write_environment
-from lighting.export.files import SCENE_SUFFIXES, write_scene
-from lighting.export.orientation import Convention, in_convention
+from lighting.environment_files import read_environment
+from lighting.export.files import SCENE_SUFFIXES, write_map, write_scene
+from lighting.export.orientation import Convention
 from lighting.export.rig import light_rig
 from lighting.light_files import read_lights
 
@@ -40,8 +40,8 @@ def export(
     map_path
         The lat-long map that the lights come from, or the one to convert; EXR or Radiance .hdr.
     convention
-        Of the map that is written: exr, mitsuba, usd, blender or three. A scene's dome has the
-        one of the scene's format.
+        Of the map that is written, without its marks of unseen and clipped cells: exr, mitsuba,
+        usd, blender or three. A scene's dome has the one of the scene's format.
     force
         Replace the output if it exists.
     """
@@ -70,7 +70,7 @@ def export(
 
 def _export_map(map_path: Path, output: Path, convention: Convention, *, force: bool) -> None:
     environment, cleaned = read_environment(map_path)
-    write_environment(output, in_convention(environment, convention), force=force)
+    write_map(output, environment, convention, force=force)
     print(f"{output}: {2 * environment.height}×{environment.height}, as {convention} takes it")
     if str(cleaned):
         print(f"  set to 0 in the map: {cleaned} values")

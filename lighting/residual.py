@@ -26,6 +26,9 @@ _RADII = 2.0
 """Radius of the cap in radii of the light. The light's radius is the one of the uniform disc with
 the source's spread: a Gaussian's is 2 σ, so the cap holds 4 σ; a thin tube's is 0.41 of its length,
 so the cap holds it whole."""
+_LEAST_RAD = np.radians(5.0)
+"""Key lights are gathered over 4° (key_lights.py), their glow included, and over whole blocks of
+the map; a smaller cap would look for the glow's light in the sky before it."""
 _CELLS = 1.5
 """Added to it, in rows: a source of one cell lies up to 0.7 from the cell's centre, and one that
 crosses a border lies in two."""
@@ -48,7 +51,9 @@ def remove_lights(
     weights = np.broadcast_to(solid_angles(height)[:, None], radiance.shape[:2])
     removed = np.zeros((len(lights), 3))
     for index, direction in enumerate(lights.directions):
-        radius = _RADII * lights.angular_radius_rad[index] + _CELLS * np.pi / height
+        radius = (
+            max(_RADII * lights.angular_radius_rad[index], _LEAST_RAD) + _CELLS * np.pi / height
+        )
         in_cap = directions @ direction >= np.cos(min(radius, np.pi))
         before = radiance[in_cap]
         after = before.copy()

@@ -1,4 +1,8 @@
-"""Export on disk: a scene in the format its suffix names, and its dome's map beside it."""
+"""Export on disk: a scene in the format its suffix names, its dome's map beside it; maps alone.
+
+Maps are written without the marks (valid, clipped), as colours only: Mitsuba 3 refuses an
+environment map that has other channels.
+"""
 
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -7,7 +11,8 @@ from pathlib import Path
 
 from capture.errors import InputError
 from capture.output import refuse_existing, replacing
-from lighting.environment_files import write_environment
+from capture.radiance_files import write_hdr
+from lighting.environment import EnvironmentMap
 from lighting.export.blender import to_blender
 from lighting.export.gltf import to_glb, to_gltf
 from lighting.export.orientation import Convention, in_convention
@@ -62,12 +67,26 @@ def write_scene(path: Path, rig: LightRig, *, force: bool = False) -> Path | Non
     if set(dome_path.name) & set('"@\n\r'):
         raise InputError(f"{path}: a scene with a dome needs a name without quotes, @ and newlines")
     refuse_existing(path, force=force)
-    dome = in_convention(rig.dome, scene_format.convention)
     with ExitStack() as files:
         scene_partial = files.enter_context(replacing(path, force=force))
         dome_partial = files.enter_context(replacing(dome_path, force=force))
-        write_environment(dome_partial, dome)
+        write_map(dome_partial, rig.dome, scene_format.convention)
         scene_partial.write_bytes(
-            scene_format.encode(rig.lights, DomeFile(dome_path.name, dome.height))
+            scene_format.encode(rig.lights, DomeFile(dome_path.name, rig.dome.height))
         )
     return dome_path
+
+
+def write_map(
+    path: Path, environment: EnvironmentMap, convention: Convention, *, force: bool = True
+) -> None:
+    """Write a map's colours to an .exr or .hdr file, in another program's convention.
+
+    Raises
+    ------
+    InputError
+        If the suffix is neither, the file exists and `force` is False, or the map has an odd number
+        of rows and would have to be turned by a quarter.
+    """
+    converted = in_convention(environment, convention)
+    write_hdr(path, converted.radiance, scale=converted.scale, force=force)

@@ -62,11 +62,11 @@ def to_usda(lights: LightSet, dome: DomeFile | None) -> bytes:
         token inputs:texture:format = "latlong"
     }}
 """)
-    about = json.dumps(f"lights by fishlight, radiance {lights.scale}: {lights.source}")
+    about = f"lights by fishlight, radiance {lights.scale}: {lights.source}"
     text = f"""#usda 1.0
 (
     defaultPrim = "lights"
-    doc = {about}
+    doc = {json.dumps(about, ensure_ascii=False)}
     metersPerUnit = 1
     upAxis = "Y"
 )

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from lighting.environment import EnvironmentMap
 from lighting.latlong import cell_directions, solid_angles
 from lighting.light_set import LightSet
-from tests.environments import environment
+from tests.environments import environment, true_irradiance
 
 Array = NDArray[np.float64]
 
@@ -45,6 +45,23 @@ def lamps(height: int = 64) -> LightSet:
         is_key=np.array([True, True, False]),
         source="the room",
     )
+
+
+def error_of(towards: Array, measured: Array) -> float:
+    """Return the rms error of an irradiance (n, 3) measured in the room, by its rms."""
+    expected = true_irradiance(towards, room())
+    return float(np.sqrt(np.mean((measured - expected) ** 2) / np.mean(expected**2)))
+
+
+def assert_lit_by_the_room(towards: Array, measured: Array, tolerance: float) -> None:
+    """Check an irradiance (n, 3) that a program found on surfaces of normals (n, 3) in our frame.
+
+    Turned by a quarter or a half, or mirrored, it must fail, or the check would prove nothing.
+    """
+    x, y, z = towards.T
+    for wrong in ((-x, y, z), (x, y, -z), (x, -y, z), (z, y, -x), (-z, y, x), (-x, y, -z)):
+        assert error_of(np.stack(wrong, axis=-1), measured) > 0.1
+    assert error_of(towards, measured) < tolerance
 
 
 def _disc(directions: Array, centre: tuple[float, float, float], radius: float) -> Array:

@@ -70,6 +70,18 @@ def test_a_disc_on_an_even_wall_is_removed_without_a_trace():
     np.testing.assert_allclose(residual.radiance, 0.25, rtol=1e-5)
 
 
+def test_the_glow_of_a_sun_is_not_looked_for_in_the_sky():
+    # The sun is one cell; a third of its light glows around it, within 4°, and belongs to it.
+    sun = np.array([0.6, 0.5, 0.62]) / np.linalg.norm([0.6, 0.5, 0.62])
+    cosine = cell_directions(256) @ sun
+    glow = np.where(cosine > np.cos(np.radians(4)), 300 * np.exp((cosine - 1) / 5e-4), 0.0)
+    above = glow + np.where(cosine == cosine.max(), 6e3, 0.0)
+    weights = np.repeat(solid_angles(256)[:, None], 512, axis=1)
+    light = one_light(sun, [(weights * above).sum()] * 3, 0.01)
+    residual, _ = remove_lights(environment(1.0 + above), light)
+    np.testing.assert_allclose(residual.radiance, 1.0, rtol=1e-3)
+
+
 def test_each_channel_is_cut_at_its_own_level():
     # One cell of solid angle Ω; Ω × (3, 2, 0) of its (5, 5, 5) are taken.
     radiance = np.zeros((HEIGHT, 2 * HEIGHT, 3))

@@ -1,0 +1,64 @@
+"""Radiance scenes, lit by Radiance."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lighting.export.files import write_scene
+from lighting.export.rig import light_rig
+from lighting.light_set import LightSet
+from tests.environments import normals
+from tests.lighting.room import assert_lit_by_the_room, lamps, room
+
+
+@pytest.fixture(scope="module")
+def environment_variables():
+    """Where Radiance's programs and library are: installed, or in the wheel `pyradiance`."""
+    variables = dict(os.environ)
+    if shutil.which("rtrace") is None:
+        reason = "Radiance is not installed (rtrace), nor is its wheel pyradiance"
+        wheel = Path(pytest.importorskip("pyradiance", reason=reason).__file__).parent
+        variables["PATH"] = f"{wheel / 'bin'}{os.pathsep}{variables['PATH']}"
+        variables["RAYPATH"] = f".{os.pathsep}{wheel / 'lib'}"
+    return variables
+
+
+def irradiance_by_radiance(scene, towards, variables):
+    """Return the irradiance (n, 3) that rtrace finds at the origin, on normals in our frame."""
+
+    def run(command, text):
+        done = subprocess.run(
+            command.split(), input=text, capture_output=True, cwd=scene.parent, env=variables
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    (scene.parent / "scene.oct").write_bytes(run(f"oconv {scene.name}", b""))
+    z_up = np.stack([towards[:, 0], -towards[:, 2], towards[:, 1]], axis=-1)
+    rays = "\n".join("0 0 0 " + " ".join(map(str, normal)) for normal in z_up)
+    options = "-h -I -ab 1 -ad 4096 -aa 0 -lw 1e-6 -dt 0 -dc 1"
+    lines = run(f"rtrace {options} scene.oct", rays.encode()).split(b"\n")
+    return np.array([line.split() for line in lines if line], np.float64)
+
+
+def test_it_lights_every_side_as_the_room_does(tmp_path, environment_variables):
+    write_scene(tmp_path / "a scene.rad", light_rig(lamps(), room()))
+    (tmp_path / "a scene.rad").rename(tmp_path / "scene.rad")  # the dome's name keeps its blank
+    towards = normals(96)
+    measured = irradiance_by_radiance(tmp_path / "scene.rad", towards, environment_variables)
+    assert_lit_by_the_room(towards, measured, 0.03)
+
+
+def test_a_point_gives_its_irradiance(tmp_path, environment_variables):
+    # At 30° and 60° from the normal of a surface that looks along our +Y, and one below it.
+    directions = np.array([[0.5, np.sqrt(0.75), 0], [0, 0.5, np.sqrt(0.75)], [0, -1.0, 0]])
+    point = LightSet(directions, np.diag([2.0, 4.0, 8.0]), np.zeros(3))
+    write_scene(tmp_path / "points.rad", light_rig(point))
+    measured = irradiance_by_radiance(
+        tmp_path / "points.rad", np.array([[0, 1.0, 0]]), environment_variables
+    )
+    np.testing.assert_allclose(measured, [[2 * np.sqrt(0.75), 2.0, 0.0]], rtol=1e-3)
