@@ -88,7 +88,7 @@ def _give_up_faint(weight, most, parents, count, least):  # type: ignore[no-unty
         if lightest >= least and alive <= count:
             break
         around = _owner(owners, parents[region])
-        alive -= most[around] > 0
+        alive -= most[around] > 0 and most[region] > 0
         owners[region] = around
         weight[around] += lightest
         most[around] += most[region]
