@@ -23,9 +23,9 @@ class BlockSums:
     sums : (rows, 2 rows, 7) float64
         Per block ∫Y dω, ∫Y d dω (3) and ∫L dω (3), Y the luminance of the radiance L, d the unit
         direction in the world frame.
-    seen : (rows, 2 rows) float64
-        Share of each block's solid angle that was seen, 0 to 1. The rest holds what it was filled
-        with.
+    unseen_sr : (rows, 2 rows) float64
+        Solid angle that was not seen, at least 0; it holds what it was filled with. Of a pixel that
+        is not valid all is counted in one block, which may have less.
     clipped : (rows, 2 rows) float64
         The part of ∫Y dω that comes from clipped pixels, and is a lower bound.
     scale : str
@@ -33,7 +33,7 @@ class BlockSums:
     """
 
     sums: NDArray[np.float64]
-    seen: NDArray[np.float64]
+    unseen_sr: NDArray[np.float64]
     clipped: NDArray[np.float64]
     scale: str = RELATIVE
 
@@ -43,7 +43,7 @@ class BlockSums:
         if columns != 2 * rows or rows < 2:
             raise ValueError(f"sums over blocks must be (N, 2N, 7), got {sums.shape}")
         object.__setattr__(self, "sums", sums)
-        for name in ("seen", "clipped"):
+        for name in ("unseen_sr", "clipped"):
             plane = read_only(name, getattr(self, name), np.float64, (rows, columns))
             object.__setattr__(self, name, plane)
 

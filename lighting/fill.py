@@ -18,6 +18,10 @@ from lighting.summed_area import block_sums
 Fill = Literal["black", "mean", "mirror"]
 """Black; the mean radiance of what was seen; what was seen mirrored at the horizon."""
 
+_HALF = 0.5
+"""Share of a block that must be seen for it to be mirrored."""
+_ROUNDING_SR = 1e-9
+
 _UPSIDE_DOWN = np.array([1.0, 1.0, -1.0, 1.0, 1.0, 1.0, 1.0])
 """Signs of sums over a block that is mirrored at the horizon: of ∫Y d dω, y turns."""
 
@@ -56,8 +60,8 @@ def fill_unseen(environment: EnvironmentMap, fill: Fill) -> EnvironmentMap:
 def fill_blocks(blocks: BlockSums, fill: Fill) -> BlockSums:
     """Return block sums with the unseen share of each block filled, as `fill_unseen` does a map.
 
-    A block that is seen in part gets the fill for the rest of its solid angle; of "mirror" that is
-    the mean of what was seen of the block as far on the other side of the horizon.
+    A block that is seen in part gets the fill for the rest of its solid angle. "mirror" takes the
+    mean of the block as far on the other side of the horizon, if half of that was seen.
 
     Raises
     ------
@@ -65,26 +69,26 @@ def fill_blocks(blocks: BlockSums, fill: Fill) -> BlockSums:
         If there is no such fill, or "mean" or "mirror" is asked where nothing was seen.
     """
     _check(fill)
-    unseen = 1.0 - blocks.seen
-    if fill == "black" or not unseen.any():
+    if fill == "black" or not blocks.unseen_sr.any():
         return blocks
-    rows, columns = blocks.seen.shape
-    of_radiance_1 = block_sums(np.ones((rows, columns, 3), np.float32))
-    seen_sr = float((blocks.seen * of_radiance_1[..., 0]).sum())
-    if seen_sr == 0:
+    rows, columns = blocks.unseen_sr.shape
+    per_sr = block_sums(np.ones((rows, columns, 3), np.float32)) / solid_angles(rows)[:, None, None]
+    seen_sr = solid_angles(rows)[:, None] - blocks.unseen_sr
+    if seen_sr.sum() <= _ROUNDING_SR:
         raise InputError(f"nothing of the sphere was seen, so it cannot be filled by its {fill}")
-    mean = blocks.integral() / seen_sr
-    factors = np.concatenate([np.full(4, mean @ LUMINANCE_WEIGHTS), mean])
-    filling = of_radiance_1 * factors
+    mean = blocks.integral() / seen_sr.sum()
+    per_sr *= np.concatenate([np.full(4, mean @ LUMINANCE_WEIGHTS), mean])
     clipped = blocks.clipped
     if fill == "mirror":
-        below = blocks.seen[::-1]
-        has_mirror = below > 0
-        per_seen = np.divide(1.0, below, out=np.zeros_like(below), where=has_mirror)
-        mirrored = blocks.sums[::-1] * _UPSIDE_DOWN * per_seen[..., None]
-        filling = np.where(has_mirror[..., None], mirrored, filling)
-        clipped = clipped + unseen * per_seen * blocks.clipped[::-1]
-    return replace(blocks, sums=blocks.sums + unseen[..., None] * filling, clipped=clipped)
+        mirror_sr = seen_sr[::-1]
+        has_mirror = mirror_sr >= _HALF * solid_angles(rows)[:, None]
+        mirrored = blocks.sums[::-1] * _UPSIDE_DOWN
+        per_sr[has_mirror] = mirrored[has_mirror] / mirror_sr[has_mirror, None]
+        share = np.divide(
+            blocks.unseen_sr, mirror_sr, out=np.zeros_like(mirror_sr), where=has_mirror
+        )
+        clipped = clipped + share * clipped[::-1]
+    return replace(blocks, sums=blocks.sums + blocks.unseen_sr[..., None] * per_sr, clipped=clipped)
 
 
 def _check(fill: str) -> None:

@@ -1,14 +1,16 @@
 """From a camera picture straight to block sums, without an environment map in between.
 
 Input  : a RadianceImage and the Calibration of its camera.    Output : BlockSums.
-Each pixel is weighted by its own exact solid angle and first moment (pixel_pieces.py). Neither the
-energy of a light nor its direction is rounded to a grid; blocks only say where cells can be cut.
+Each pixel adds its light with its own solid angle and first moment (pixel_moments.py) to the block
+that its middle lies in. Neither the energy nor the direction of light is rounded to a grid: blocks
+only say where cells can be cut. No pixel is ever cut, so a sun of one pixel is one light.
 `build_source_blocks` does this once for a camera; `apply_source_blocks` is then one pass over the
 picture. `picture_blocks` is for single pictures of any size, in bounded memory.
 Cost   : see tests/benchmarks/source_blocks.py; 20 bytes a pixel for as long as the camera is used.
-Fails  : a pixel is seen if its centre is, so along the edge of what the camera sees light comes and
-goes by whole pixels; of a picture with fewer pixels than blocks, each pixel's light is spread
-evenly over it (tests/limits/test_source_coarse_pixels.py).
+Fails  : the light of a block over its solid angle is no radiance: where pixels are not much smaller
+than blocks, some have one more than others (tests/limits/test_source_uneven_blocks.py). A pixel is
+seen if its centre is, so on the edge of the picture light comes and goes by whole pixels
+(tests/limits/test_source_edge.py).
 """
 
 from dataclasses import dataclass
@@ -23,9 +25,14 @@ from capture.errors import InputError
 from capture.radiance import RadianceImage
 from lighting.blocks import BlockSums
 from lighting.environment import LUMINANCE_WEIGHTS
-from lighting.latlong import grid_to_direction, solid_angles
+from lighting.latlong import (
+    cell_directions,
+    direction_to_grid,
+    grid_to_direction,
+    solid_angles,
+)
 from lighting.pixel_grid import pixel_corners, pixel_illumination
-from lighting.pixel_pieces import axis_factors, block_centre, pixel_pieces
+from lighting.pixel_moments import pixel_moments
 
 BLOCK_ROWS = 256
 """As many as summed_area.py makes of a large map."""
@@ -45,20 +52,24 @@ class Entries(NamedTuple):
 
     Attributes
     ----------
-    blocks : (V,) int32
+    blocks : (B,) int64
         Flat indices of the blocks that pixels lie in, in the order they are visited.
-    starts : (V + 1,) int64
+    centres : (B, 3) float64
+        Directions of their centres.
+    starts : (B + 1,) int64
         Entries starts[i] … starts[i + 1] belong to blocks[i].
-    pixels : (E,) uint32
-        Flat pixel index of each entry, rising within a block.
-    weights : (E, 4) float32
-        ∫dω of the part of the pixel in the block, and ∫(d − d_b) dω (3) about the direction d_b of
-        the block's centre; divided by the lens's relative illumination.
+    pixels : (P,) uint32
+        Flat index of the pixel of each entry; every seen pixel has one.
+    weights : (P, 4) float32
+        ∫dω of the pixel, and ∫(d − d_b) dω (3) about the direction d_b of its block's centre, both
+        divided by the lens's relative illumination. These moments are small, so that single
+        precision is enough.
     illumination : (H W,) float32
         Relative illumination of each pixel; empty if it is 1 everywhere.
     """
 
-    blocks: NDArray[np.int32]
+    blocks: NDArray[np.int64]
+    centres: NDArray[np.float64]
     starts: NDArray[np.int64]
     pixels: NDArray[np.uint32]
     weights: NDArray[np.float32]
@@ -74,26 +85,26 @@ class SourceBlocks:
     image_size_px : (int, int)
         (width, height) of the pictures it takes.
     entries : Entries
-    seen : (rows, 2 rows) float64
-        Share of each block's solid angle that the camera sees, 0 to 1.
+    unseen_sr : (rows, 2 rows) float64
+        Solid angle of what the camera does not see of each block.
     """
 
     image_size_px: tuple[int, int]
     entries: Entries
-    seen: NDArray[np.float64]
+    unseen_sr: NDArray[np.float64]
 
 
 def build_source_blocks(calibration: Calibration, rows: int = BLOCK_ROWS) -> SourceBlocks:
     """Return the operator from a camera's pictures to sums over `rows` × 2 `rows` blocks."""
     size_px = calibration.image_size_px
     entries = _entries(calibration, rows, 0, size_px[1])
-    return SourceBlocks(size_px, entries, _seen_shares(calibration, rows))
+    return SourceBlocks(size_px, entries, _unseen_sr(calibration, rows))
 
 
 def apply_source_blocks(source: SourceBlocks, image: RadianceImage) -> BlockSums:
     """Return the light that a picture shows, over blocks.
 
-    Pixels that are not valid are unseen: their light is missing, and so is their share in `seen`.
+    Pixels that are not valid are unseen.
     The same picture gives the same bits on any number of threads.
 
     Raises
@@ -106,9 +117,9 @@ def apply_source_blocks(source: SourceBlocks, image: RadianceImage) -> BlockSums
             f"the picture is {image.size_px[0]}×{image.size_px[1]} px but the blocks were built "
             f"for {source.image_size_px[0]}×{source.image_size_px[1]}"
         )
-    light = _Light(*source.seen.shape)
+    light = _Light(len(source.unseen_sr))
     light.add(source.entries, image.radiance, image.valid, image.clipped)
-    return light.block_sums(source.seen, image.scale)
+    return light.block_sums(source.unseen_sr, image.scale)
 
 
 def picture_blocks(
@@ -123,7 +134,7 @@ def picture_blocks(
     """
     calibration.check_size(image.size_px, "the picture")
     width, height = image.size_px
-    light = _Light(rows, 2 * rows)
+    light = _Light(rows)
     is_any_valid = False
     band_rows = max(_BAND_PX // width, 1)
     for first in range(0, height, band_rows):
@@ -136,17 +147,17 @@ def picture_blocks(
             "no valid pixel of the picture lies in what the calibration says the camera sees; "
             "check that they belong together"
         )
-    return light.block_sums(_seen_shares(calibration, rows), image.scale)
+    return light.block_sums(_unseen_sr(calibration, rows), image.scale)
 
 
 class _Light:
     """Sums over blocks that pixels are added to."""
 
-    def __init__(self, rows: int, columns: int) -> None:
+    def __init__(self, rows: int) -> None:
         # numpy asks for huge pages, numba does not, and its fresh pages take longer than the sums.
-        self.sums = np.zeros((rows, columns, 7))
-        self.missing_sr = np.zeros((rows, columns))
-        self.clipped = np.zeros((rows, columns))
+        self.sums = np.zeros((rows, 2 * rows, 7))
+        self.missing_sr = np.zeros((rows, 2 * rows))
+        self.clipped = np.zeros((rows, 2 * rows))
 
     def add(
         self,
@@ -161,15 +172,22 @@ class _Light:
         pixel_radiance = radiance.reshape(-1, 3)
         _add_light(
             tasks,
-            *entries[:4],
+            entries.blocks,
+            entries.centres,
+            entries.starts,
+            entries.pixels,
+            entries.weights,
             pixel_radiance,
-            *axis_factors(len(self.sums)),
             self.sums.reshape(-1, 7),
         )
         if clipped.any() or not valid.all():
             _add_marks(
                 tasks,
-                *entries,
+                entries.blocks,
+                entries.starts,
+                entries.pixels,
+                entries.weights,
+                entries.illumination,
                 pixel_radiance,
                 valid.ravel(),
                 clipped.ravel(),
@@ -177,47 +195,61 @@ class _Light:
                 self.clipped.ravel(),
             )
 
-    def block_sums(self, seen: NDArray[np.float64], scale: str) -> BlockSums:
-        if self.missing_sr.any():
-            seen = np.maximum(seen - self.missing_sr / solid_angles(len(seen))[:, None], 0.0)
-        return BlockSums(self.sums, seen, self.clipped, scale)
+    def block_sums(self, unseen_sr: NDArray[np.float64], scale: str) -> BlockSums:
+        return BlockSums(self.sums, unseen_sr + self.missing_sr, self.clipped, scale)
 
 
 def _entries(calibration: Calibration, rows: int, first_row: int, last_row: int) -> Entries:
     """Return the entries of rows [first_row, last_row) of the picture."""
     corners, seen = pixel_corners(calibration, first_row, last_row)
-    piece_blocks, pixels, weights = pixel_pieces(corners, seen, rows)
-    blocks, firsts, block_of, counts = np.unique(
-        piece_blocks, return_index=True, return_inverse=True, return_counts=True
-    )
-    row, column = np.divmod(pixels[firsts], seen.shape[1])
-    visits = np.lexsort((row, column, row // _STRIP_ROWS))
-    rank = np.empty(len(visits), np.int64)
-    rank[visits] = np.arange(len(visits))
-    order = np.argsort(rank[block_of], kind="stable")
-    pixels, weights = pixels[order], weights[order]
+    solid_angle, moment = pixel_moments(corners, seen)
+    column, row = np.rint(direction_to_grid(moment, rows)).astype(np.int64).T
+    block = np.clip(row, 0, rows - 1) * 2 * rows + column % (2 * rows)
+    centres = cell_directions(rows).reshape(-1, 3)
+    moment -= solid_angle[:, None] * centres[block]
+    weights = np.column_stack([solid_angle, moment])
+
+    pixels = np.flatnonzero(seen)
     illumination = pixel_illumination(calibration, first_row, last_row)
     if illumination.size:
         weights /= illumination[pixels, None]
-    starts = np.concatenate([[0], np.cumsum(counts[visits])])
-    return Entries(blocks[visits], starts, pixels, weights, illumination)
+    blocks, firsts, place, counts = np.unique(
+        block, return_index=True, return_inverse=True, return_counts=True
+    )
+    first_row_px, first_column_px = np.divmod(pixels[firsts], seen.shape[1])
+    visits = np.lexsort((first_row_px, first_column_px, first_row_px // _STRIP_ROWS))
+    rank = np.empty(len(visits), np.int64)
+    rank[visits] = np.arange(len(visits))
+    order = np.argsort(rank[place], kind="stable")
+    return Entries(
+        blocks=blocks[visits],
+        centres=centres[blocks[visits]],
+        starts=np.concatenate([[0], np.cumsum(counts[visits])]),
+        pixels=pixels[order].astype(np.uint32),
+        weights=weights[order].astype(np.float32),
+        illumination=illumination,
+    )
 
 
-def _seen_shares(calibration: Calibration, rows: int) -> NDArray[np.float64]:
-    """Return the share of each block that the camera sees, (rows, 2 rows)."""
+def _unseen_sr(calibration: Calibration, rows: int) -> NDArray[np.float64]:
+    """Return the solid angle of what the camera does not see of each block, (rows, 2 rows).
+
+    It is told by points spread over the block, and by the camera and not its pixels: next to a pole
+    a pixel lies on many blocks.
+    """
     side = _COVERAGE_SAMPLES
     at = (np.arange(2 * rows * side) + 0.5) / side - 0.5
     shares = np.empty((rows, 2 * rows))
     for row in range(rows):
         grid = np.stack(np.meshgrid(at, at[row * side : (row + 1) * side]), axis=-1)
         _, seen = calibration.project(grid_to_direction(grid, rows))
-        shares[row] = seen.reshape(side, 2 * rows, side).mean(axis=(0, 2))
-    return shares
+        shares[row] = 1.0 - seen.reshape(side, 2 * rows, side).mean(axis=(0, 2))
+    return shares * solid_angles(rows)[:, None]
 
 
 @njit(cache=True, nogil=True, parallel=True, fastmath={"contract"})
 def _add_light(  # type: ignore[no-untyped-def]
-    tasks, blocks, starts, pixels, weights, radiance, row_factors, column_factors, sums
+    tasks, blocks, centres, starts, pixels, weights, radiance, sums
 ):
     """Add the light of pixels (h W, 3) to the sums (2 rows², 7) of blocks."""
     red_weight, green_weight, blue_weight = LUMINANCE_WEIGHTS
@@ -239,7 +271,7 @@ def _add_light(  # type: ignore[no-untyped-def]
                 y += luminance * np.float64(weights[k, 2])
                 z += luminance * np.float64(weights[k, 3])
             power = red_weight * red + green_weight * green + blue_weight * blue
-            centre_x, centre_y, centre_z = block_centre(blocks[i], row_factors, column_factors)
+            centre_x, centre_y, centre_z = centres[i]
             line = sums[blocks[i]]
             line[0] += power
             line[1] += power * centre_x + x
