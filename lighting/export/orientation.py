@@ -61,10 +61,8 @@ def quaternions(directions: NDArray[np.float64]) -> NDArray[np.float64]:
     along it.
     """
     x, y, z = directions.T
-    across = np.hypot(x, y)
-    half_angle = np.arctan2(across, z) / 2
-    # The axis is +Z × d; for d = −Z any axis across will do.
-    with np.errstate(invalid="ignore"):
-        axis = np.where(across > 0, np.stack([-y, x]) / across, [[1.0], [0.0]])
+    half_angle = np.arctan2(np.hypot(x, y), z) / 2
+    azimuth = np.arctan2(y, x)  # 0 on the axis, where any turn will do
     sine = np.sin(half_angle)
-    return np.stack([np.cos(half_angle), *(sine * axis), np.zeros_like(z)], axis=-1)
+    axis_x, axis_y = -np.sin(azimuth), np.cos(azimuth)  # along +Z × d
+    return np.stack([np.cos(half_angle), sine * axis_x, sine * axis_y, np.zeros_like(z)], axis=-1)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -80,6 +80,8 @@ unit_vectors = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.nor
 
 
 @given(vector=unit_vectors)
+@example(vector=(5e-324, 5e-324, -1.0))
+@settings(max_examples=50, deadline=None)
 def test_quaternions_turn_plus_z_into_the_direction(vector):
     direction = np.array(vector) / np.linalg.norm(vector)
     turn = quaternions(direction[None])[0]
