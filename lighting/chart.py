@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
-from statistics import median
+from statistics import fmean, median
 
 import msgspec
 import numpy as np
@@ -35,8 +35,10 @@ from lighting.reduce import METHODS, reduce_to_lights
 Array = NDArray[np.float64]
 System = Callable[[EnvironmentMap, int], LightSet]
 
+FLICKER = "flicker"
+"""The figure of flicker.py."""
 COUNTS = (4, 8, 16, 32, 64, 128, 256, 512, 1024)
-_REPEATS = 5
+_REPEATS = 7
 _SLOW_S = 2.0
 """A reduction that takes longer is not repeated, and not tried with more lights."""
 
@@ -81,8 +83,8 @@ def systems() -> tuple[dict[str, System], list[str]]:
 def measure(
     maps: Mapping[str, EnvironmentMap],
     compared: Mapping[str, System],
-    counts: Sequence[int] = COUNTS,
-    known: dict[str, Measurement] | None = None,
+    counts: Sequence[int],
+    known: dict[str, Measurement],
 ) -> Iterator[Measurement | None]:
     """Yield a measurement of each map, system and count; None where the system would be too slow.
 
@@ -94,69 +96,91 @@ def measure(
         By name, as from `systems`.
     counts : sequence of int
         Ascending.
-    known : dict of str to Measurement, optional
+    known : dict of str to Measurement
         Earlier results, which are not measured again; new ones are added to it.
     """
-    known = {} if known is None else known
     for map_name, environment in maps.items():
-        digest = _digest(environment)
-        # Found when first needed: it takes seconds.
-        true = cache(partial(truth, environment))
-        for name, system in compared.items():
-            is_slow = False
-            for count in counts:
-                if is_slow:
-                    yield None
-                    continue
-                key = f"{_code_digest()} {digest} {name} {count}"
-                if key not in known:
-                    known[key] = _measured(map_name, environment, name, system, count, true())
-                is_slow = known[key].ms > 1e3 * _SLOW_S
-                yield msgspec.structs.replace(known[key], map_name=map_name)
+        digest = hashlib.sha256(environment.radiance.tobytes()).hexdigest()[:16]
+        measured = _on_map(map_name, environment, compared)
+        for found in remembered(measured, digest, compared, counts, known):
+            yield found and msgspec.structs.replace(found, map_name=map_name)
 
 
-def medians(measurements: Iterable[Measurement]) -> list[Point]:
+def remembered(
+    measured: Callable[[str, int], Measurement],
+    digest: str,
+    names: Iterable[str],
+    counts: Sequence[int],
+    known: dict[str, Measurement],
+    slow_s: float = _SLOW_S,
+) -> Iterator[Measurement | None]:
+    """Yield what `measured` makes of each name and count, from `known` or for it.
+
+    A name that takes longer than `slow_s` gets None for all larger counts. `digest` tells what is
+    measured; what tells versions of fishlight apart is added to it.
+    """
+    for name in names:
+        is_slow = False
+        for count in counts:
+            if is_slow:
+                yield None
+                continue
+            key = f"{_code_digest()} {digest} {name} {count}"
+            if key not in known:
+                known[key] = measured(name, count)
+            is_slow = known[key].ms > 1e3 * slow_s
+            yield known[key]
+
+
+def points_of(
+    on_maps: Iterable[Measurement], on_sequences: Iterable[Measurement] = ()
+) -> list[Point]:
     """Return the points of the chart, system by system, counts ascending.
 
-    A count that a system did not reach on every map is left out: its median would be over other
-    maps than the rest of its line.
+    Times and errors are medians over maps, flicker is the mean over sequences: what makes lights
+    flicker differs, and a median would hide what most sequences spare a system. A count that a
+    system did not reach on every map is left out, and so is flicker not known of every sequence:
+    other means would be over other things than the rest of the line.
     """
-    groups: dict[tuple[str, int], list[Measurement]] = {}
-    for measurement in measurements:
-        groups.setdefault((measurement.system, measurement.count), []).append(measurement)
-    maps = max((len(group) for group in groups.values()), default=0)
-    return [
-        Point(
-            system,
-            count,
-            median(measurement.ms for measurement in group),
-            {
-                figure: median(measurement.errors[figure] for measurement in group)
-                for figure in group[0].errors
-            },
-        )
-        for (system, count), group in groups.items()
-        if len(group) == maps
-    ]
+    flicker = _complete_groups(on_sequences)
+    points = []
+    for (system, count), group in _complete_groups(on_maps).items():
+        errors_of_point = {
+            figure: median(measurement.errors[figure] for measurement in group)
+            for figure in group[0].errors
+        }
+        if (system, count) in flicker:
+            errors_of_point[FLICKER] = fmean(
+                measurement.errors[FLICKER] for measurement in flicker[system, count]
+            )
+        ms = median(measurement.ms for measurement in group)
+        points.append(Point(system, count, ms, errors_of_point))
+    return points
 
 
 def pareto_front(points: Iterable[Point], figure: str) -> list[Point]:
     """Return the points than which none is both faster and truer, from fast to true."""
     front: list[Point] = []
-    for point in sorted(points, key=lambda point: (point.ms, point.errors[figure])):
+    with_figure = [point for point in points if figure in point.errors]
+    for point in sorted(with_figure, key=lambda point: (point.ms, point.errors[figure])):
         if not front or point.errors[figure] < front[-1].errors[figure]:
             front.append(point)
     return front
 
 
 def as_csv(measurements: Sequence[Measurement]) -> str:
-    """Return a line for each measurement, errors as shares of the true irradiance."""
+    """Return a line for each measurement, errors as shares of the true irradiance.
+
+    A figure that was not measured is empty.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    figures = list(measurements[0].errors)
+    figures = list(dict.fromkeys(figure for row in measurements for figure in row.errors))
     writer.writerow(["map", "system", "count", "lights", "ms", *figures])
     for row in measurements:
-        numbers = (f"{row.errors[figure]:.6g}" for figure in figures)
+        numbers = (
+            f"{row.errors[figure]:.6g}" if figure in row.errors else "" for figure in figures
+        )
         name = (row.map_name, row.system, row.count, row.lights)
         writer.writerow([*name, f"{row.ms:.4g}", *numbers])
     return text.getvalue()
@@ -177,25 +201,44 @@ def write_known(path: Path, known: dict[str, Measurement]) -> None:
     write_json(path, _File(known))
 
 
-def _measured(
-    map_name: str,
-    environment: EnvironmentMap,
-    name: str,
-    system: System,
-    count: int,
-    true: Mapping[str, Array],
-) -> Measurement:
-    lights, ms = _timed(partial(system, environment, count))
+def _complete_groups(
+    measurements: Iterable[Measurement],
+) -> dict[tuple[str, int], list[Measurement]]:
+    """Return measurements by system and count, of those that are on all maps."""
+    groups: dict[tuple[str, int], list[Measurement]] = {}
+    for measurement in measurements:
+        groups.setdefault((measurement.system, measurement.count), []).append(measurement)
+    most = max((len(group) for group in groups.values()), default=0)
+    return {key: group for key, group in groups.items() if len(group) == most}
+
+
+def _on_map(
+    map_name: str, environment: EnvironmentMap, compared: Mapping[str, System]
+) -> Callable[[str, int], Measurement]:
+    """Return what measures a system with a count on one map."""
+    true = cache(partial(truth, environment))  # found when first needed: it takes seconds
+
+    def measured(name: str, count: int) -> Measurement:
+        lights, ms = _timed(partial(compared[name], environment, count))
+        return Measurement(map_name, name, count, len(lights), ms, _figures(lights, true()))
+
+    return measured
+
+
+def _figures(lights: LightSet, true: Mapping[str, Array]) -> dict[str, float]:
     figures: dict[str, float] = {}
     for shape, as_points in (("points", True), ("discs", False)):
         by_kind = errors(lights, true, as_points=as_points)
         figures |= {f"{kind}, {shape}": error for kind, error in by_kind.items()}
         figures[f"occluded, {shape}"] = behind_occluders(by_kind)
-    return Measurement(map_name, name, count, len(lights), ms, figures)
+    return figures
 
 
 def _timed(call: Callable[[], LightSet]) -> tuple[LightSet, float]:
-    """Return the result, and the median time in ms after a first call that fills caches."""
+    """Return the result, and the least time in ms after a first call that fills caches.
+
+    The least, because whatever else the machine does only ever adds.
+    """
     times_s = []
     for _ in range(1 + _REPEATS):
         start = time.perf_counter()
@@ -203,7 +246,7 @@ def _timed(call: Callable[[], LightSet]) -> tuple[LightSet, float]:
         times_s.append(time.perf_counter() - start)
         if len(times_s) > 1 and times_s[-1] > _SLOW_S:
             break
-    return lights, 1e3 * median(times_s[1:])
+    return lights, 1e3 * min(times_s[1:])
 
 
 def _reduced(environment: EnvironmentMap, count: int, *, method: str) -> LightSet:
@@ -212,10 +255,6 @@ def _reduced(environment: EnvironmentMap, count: int, *, method: str) -> LightSe
 
 def _lights_of(peer: Peer, environment: EnvironmentMap, count: int) -> LightSet:
     return LightSet(*peer(environment, count))
-
-
-def _digest(environment: EnvironmentMap) -> str:
-    return hashlib.sha256(environment.radiance.tobytes()).hexdigest()[:16]
 
 
 @cache

@@ -9,11 +9,12 @@ from capture.arguments import Output
 from capture.errors import InputError
 from capture.output import refuse_existing, write_text
 from capture.progress import progress
-from lighting import chart
+from lighting import chart, flicker
 from lighting.environment import EnvironmentMap
 from lighting.environment_files import read_environment
 from lighting.outdoors import outdoors
 from lighting.reduce import METHODS
+from lighting.sequences import SEQUENCES
 
 KNOWN_NAME = "measurements.json"
 _MADE_ROWS = 512
@@ -28,9 +29,10 @@ def chart_lights(
     """Chart error against time of every way to find lights, with 4 to 1024 lights.
 
     Error is that of the irradiance on 192 surfaces, in the open and behind a wall's edge, a sphere
-    and a comb, against the sum over all cells of the map. Peers are measured beside fishlight's
-    methods: random and Hammersley points, median cut in numpy, and Mitsuba 3 and colour-hdri where
-    they are installed.
+    and a comb, against the sum over all cells of the map. Flicker is what changes more than it
+    should on made skies in which suns move, clouds pass and lamps are switched. Peers are measured
+    beside fishlight's methods: random and Hammersley points, median cut in numpy, and Mitsuba 3 and
+    colour-hdri where they are installed.
 
     Parameters
     ----------
@@ -63,21 +65,27 @@ def chart_lights(
     output.mkdir(parents=True, exist_ok=True)
     known_path = output / KNOWN_NAME
     known = {} if fresh else chart.read_known(known_path)
+    on_maps = chart.measure(maps, compared, chart.COUNTS, known)
+    on_sequences = flicker.measure(SEQUENCES, compared, flicker.COUNTS, known)
     jobs = len(maps) * len(compared) * len(chart.COUNTS)
+    flicker_jobs = len(SEQUENCES) * len(compared) * len(flicker.COUNTS)
     try:
-        measured = chart.measure(maps, compared, chart.COUNTS, known)
-        results = [row for row in progress(measured, "measuring", jobs) if row is not None]
+        errors = [row for row in progress(on_maps, "errors", jobs) if row]
+        flickers = [row for row in progress(on_sequences, "flicker", flicker_jobs) if row]
     finally:  # an interrupted run is not measured again either
         chart.write_known(known_path, known)
 
     # Here, because matplotlib takes half a second to import.
     from lighting.chart_drawing import draw
 
-    write_text(table, chart.as_csv(results))
-    points = chart.medians(results)
+    write_text(table, chart.as_csv(errors + flickers))
+    points = chart.points_of(errors, flickers)
     for path, theme in pictures.items():
         draw(points, list(METHODS), _about(maps), path, theme)
-    print(f"{output}: {len(results)} measurements of {len(compared)} systems on {len(maps)} maps")
+    print(
+        f"{output}: {len(errors) + len(flickers)} measurements of {len(compared)} systems on "
+        f"{len(maps)} maps and {len(SEQUENCES)} sequences"
+    )
 
 
 def _read_maps(paths: Sequence[Path]) -> dict[str, EnvironmentMap]:

@@ -15,15 +15,15 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator
 from scipy.optimize import isotonic_regression
 
 from capture.output import replacing
-from lighting.chart import Point, pareto_front
+from lighting.chart import FLICKER, Point, pareto_front
 
 PANELS = {
     "open, points": "In the open, lights as points",
-    "open, discs": "In the open, lights as wide as they stand for",
+    FLICKER: "Flicker behind an occluder, frame to frame",
     "occluded, points": "Behind occluders, lights as points",
     "occluded, discs": "Behind occluders, lights as wide as they stand for",
 }
@@ -31,6 +31,8 @@ _MARKERS = "os^Dvphd<>X*"
 _LINES = ("-", (0, (4, 1.5)))
 _LABEL_GAP = 0.047
 """Least distance of two names, as a share of the panel's height."""
+_NUMBER_SIZE_PX = (30, 13)
+"""Room of a number of up to four digits, at the 100 dots per inch of a figure."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ def draw(
         "light" or "dark".
     """
     colours = THEMES[theme]
-    panels = [figure for figure in PANELS if all(figure in point.errors for point in points)]
+    panels = [panel for panel in PANELS if any(panel in point.errors for point in points)]
     systems = list(dict.fromkeys(point.system for point in points))
     styles = _styles([name for name in own if name in systems], systems, colours)
     # Fixed ids, so that the same points give the same file.
@@ -135,9 +137,12 @@ def _draw_panel(
     axis.spines[:].set_visible(False)
     axis.xaxis.set_major_formatter(FuncFormatter(lambda ms, _: f"{ms:g} ms"))
     axis.yaxis.set_major_formatter(FuncFormatter(lambda error, _: f"{100 * error:g} %"))
+    for scale in (axis.xaxis, axis.yaxis):
+        scale.set_major_locator(LogLocator(subs=(1.0, 3.0)))
     axis.minorticks_off()
 
-    front = [point for point in pareto_front(points, panel) if point.errors[panel] > 0]
+    points = [point for point in points if point.errors.get(panel, 0.0) > 0]  # 0 has no logarithm
+    front = pareto_front(points, panel)
     axis.plot(
         [point.ms for point in front],
         [point.errors[panel] for point in front],
@@ -146,7 +151,7 @@ def _draw_panel(
     on_front = {point.system for point in front}
     ends = {}
     for system, style in styles.items():
-        line = [point for point in points if point.system == system and point.errors[panel] > 0]
+        line = [point for point in points if point.system == system]
         if line:
             axis.plot(
                 [point.ms for point in line],
@@ -157,12 +162,29 @@ def _draw_panel(
                 **style,
             )
             ends[system] = line[-1]
-    for point in front:
-        axis.annotate(
-            str(point.count), (point.ms, point.errors[panel]), (-4, -5),
-            textcoords="offset points", ha="right", va="top", fontsize=7.5, zorder=4,
-        )  # fmt: skip
+    _hold_limits(axis)
+    _number_points(axis, front, panel)
     _name_lines(axis, ends, panel, styles, on_front)
+
+
+def _hold_limits(axis: Axes) -> None:
+    """Settle the limits, which are not known before something asks for them."""
+    axis.set_xlim(axis.get_xlim())
+    axis.set_ylim(axis.get_ylim())
+
+
+def _number_points(axis: Axes, front: Sequence[Point], panel: str) -> None:
+    """Write the number of lights beside points of the front, none over another."""
+    numbered: list[np.ndarray[Any, Any]] = []
+    for point in front:
+        place = (point.ms, point.errors[panel])
+        on_page = axis.transData.transform(place)
+        if all(np.abs((on_page - other) / _NUMBER_SIZE_PX).max() > 1 for other in numbered):
+            numbered.append(on_page)
+            axis.annotate(
+                str(point.count), place, (-4, -5),
+                textcoords="offset points", ha="right", va="top", fontsize=7.5, zorder=4,
+            )  # fmt: skip
 
 
 def _name_lines(
@@ -173,10 +195,7 @@ def _name_lines(
     on_front: set[str],
 ) -> None:
     """Write each line's name right of the panel, near the height of its end, none over another."""
-    axis.autoscale_view()
-    axis.set_xlim(axis.get_xlim())
     low, high = np.log(axis.get_ylim())
-    axis.set_ylim(axis.get_ylim())
     in_order = sorted(ends.items(), key=lambda item: item[1].errors[panel])
     heights = [(np.log(end.errors[panel]) - low) / (high - low) for _, end in in_order]
     for (system, end), height in zip(in_order, _spread(heights), strict=True):
