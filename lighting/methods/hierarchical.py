@@ -35,8 +35,6 @@ from lighting.sampled_lights import (
     row_integrals,
 )
 
-_LAST = np.nextafter(1.0, 0.0)
-
 
 def hierarchical(environment: EnvironmentMap, count: int) -> tuple[Array, Array, Array]:
     """Return `count` lights of equal luminous power whose irradiances sum to the map's integral.
@@ -152,9 +150,10 @@ def _descend(pyramid, widths, starts, points):  # type: ignore[no-untyped-def]
 def _choose(first, second, share):  # type: ignore[no-untyped-def]
     """Return whether a share in [0, 1) of the light lies in the second part, and how far into it.
 
-    Never in a part without light: a share below 1 times the total rounds to less than the total.
+    Never in a part without light: a share below 1 times the total rounds to less than the total,
+    also where the total was rounded up. So what is left of the share is again below 1.
     """
     target = share * (first + second)
     if target < first:
-        return False, min(target / first, _LAST)
-    return True, min((target - first) / second, _LAST)
+        return False, target / first
+    return True, (target - first) / second

@@ -61,6 +61,19 @@ def test_a_full_region_leaves_its_lights_to_the_others():
     np.testing.assert_array_equal(seats, [3, 2, 5])
 
 
+def test_lights_round_as_the_weights_do():
+    # 9 lights as 6.4 : 2.6. Dividing by lights + 1, as parliaments do, would make 7 and 2.
+    _, seats = shared_out([6.4, 2.6], [99, 99], [1, 1], 9)
+    np.testing.assert_array_equal(seats, [6, 3])
+
+
+def test_what_is_faint_is_judged_by_the_lights_that_a_full_region_leaves():
+    # 7 of 10 lights are left for a weight of 7, so 0.4 is worth less than half a light.
+    owners, seats = shared_out([1e6, 0.4, 6.6], [3, 99, 99], [2, 2, 2], 10)
+    np.testing.assert_array_equal(owners, [0, 2, 2])
+    np.testing.assert_array_equal(seats, [3, 0, 7])
+
+
 def test_a_region_worth_less_than_half_a_light_joins_the_one_around_it():
     # 10 lights for a weight of 100: region 0 is worth 0.4, region 1 0.6. The root gets the weight
     # of region 0 too, 40 of 100.

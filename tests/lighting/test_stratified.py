@@ -30,6 +30,20 @@ def test_each_stratum_has_one_point(count, seed):
     np.testing.assert_array_equal(np.sort(strata(points)), np.arange(count))
 
 
+class LargestNumbers:
+    """In place of a generator: the largest random numbers there are."""
+
+    @staticmethod
+    def random(shape):
+        return np.full(shape, np.nextafter(1.0, 0.0))
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 64, 3000])
+def test_points_stay_inside_the_square(count):
+    # 1 + 0.999… rounds to 2: without care a point would be at the end of the square.
+    assert stratified_points(count, LargestNumbers).max() < 1
+
+
 def test_a_point_is_uniform_in_its_stratum():
     # Of 1000 sets of 7 points, each coordinate's place within its stratum is uniform: its mean is
     # ½ ± 0.0035 and its mean square ⅓.
