@@ -14,8 +14,10 @@ References
 .. [1] F. C. Crow, "Summed-area tables for texture mapping", SIGGRAPH, 1984.
 """
 
+from functools import lru_cache
+
 import numpy as np
-from numba import njit
+from numba import njit, prange
 from numpy.typing import NDArray
 
 from lighting.environment import LUMINANCE_WEIGHTS
@@ -110,17 +112,24 @@ def variance(power, x, y, z):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def cell_sums(blocks, cells):  # type: ignore[no-untyped-def]
     """Return the sums (n, 7) of blocks over cells (n, 4) of (top, bottom, left, right)."""
-    sums = np.zeros((len(cells), 7))
+    sums = np.empty((len(cells), 7))
     for i in range(len(cells)):
         top, bottom, left, right = cells[i]
-        cell = sums[i]
+        power = x = y = z = red = green = blue = 0.0
         for r in range(top, bottom):
             for c in range(left, right):
-                for k in range(7):  # a constant is unrolled: half the time of blocks.shape[2]
-                    cell[k] += blocks[r, c, k]
+                power += blocks[r, c, 0]
+                x += blocks[r, c, 1]
+                y += blocks[r, c, 2]
+                z += blocks[r, c, 3]
+                red += blocks[r, c, 4]
+                green += blocks[r, c, 5]
+                blue += blocks[r, c, 6]
+        sums[i] = (power, x, y, z, red, green, blue)
     return sums
 
 
+@lru_cache(maxsize=8)
 def _cell_integrals(height: int) -> tuple[Array, Array]:
     """Return factors of ∫dω and ∫d dω over a cell: rows (N, 3) and columns (2N, 2).
 
@@ -137,36 +146,41 @@ def _cell_integrals(height: int) -> tuple[Array, Array]:
     return rows, columns
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, parallel=True)
 def _add_cells(radiance, cells_per_block, row_factors, column_factors, sums):  # type: ignore[no-untyped-def]
-    """Add each cell to the sums (rows, columns, 7) of its block."""
+    """Add each cell to the sums (rows, columns, 7) of its block.
+
+    A thread has whole rows of blocks, so that any number of threads gives the same bits.
+    """
     red, green, blue = LUMINANCE_WEIGHTS
     height, width, _ = radiance.shape
-    for row in range(height):
-        line = sums[row // cells_per_block]
-        solid_angle, level, upward = row_factors[row]
-        for k in range(sums.shape[1]):
-            r = g = b = x = z = 0.0
-            first = k * cells_per_block
-            for column in range(first, min(first + cells_per_block, width)):
-                # float64 before any product: single cells may be as bright as float32 goes.
-                cell_r = np.float64(radiance[row, column, 0])
-                cell_g = np.float64(radiance[row, column, 1])
-                cell_b = np.float64(radiance[row, column, 2])
-                power = red * cell_r + green * cell_g + blue * cell_b
-                r += cell_r
-                g += cell_g
-                b += cell_b
-                x += power * column_factors[column, 0]
-                z += power * column_factors[column, 1]
-            power = red * r + green * g + blue * b
-            line[k, 0] += power * solid_angle
-            line[k, 1] += x * level
-            line[k, 2] += power * upward
-            line[k, 3] += z * level
-            line[k, 4] += r * solid_angle
-            line[k, 5] += g * solid_angle
-            line[k, 6] += b * solid_angle
+    for block_row in prange(len(sums)):
+        line = sums[block_row]
+        top = block_row * cells_per_block
+        for row in range(top, min(top + cells_per_block, height)):
+            solid_angle, level, upward = row_factors[row]
+            for k in range(len(line)):
+                r = g = b = x = z = 0.0
+                first = k * cells_per_block
+                for column in range(first, min(first + cells_per_block, width)):
+                    # float64 before any product: single cells may be as bright as float32 goes.
+                    cell_r = np.float64(radiance[row, column, 0])
+                    cell_g = np.float64(radiance[row, column, 1])
+                    cell_b = np.float64(radiance[row, column, 2])
+                    power = red * cell_r + green * cell_g + blue * cell_b
+                    r += cell_r
+                    g += cell_g
+                    b += cell_b
+                    x += power * column_factors[column, 0]
+                    z += power * column_factors[column, 1]
+                power = red * r + green * g + blue * b
+                line[k, 0] += power * solid_angle
+                line[k, 1] += x * level
+                line[k, 2] += power * upward
+                line[k, 3] += z * level
+                line[k, 4] += r * solid_angle
+                line[k, 5] += g * solid_angle
+                line[k, 6] += b * solid_angle
 
 
 @njit(cache=True, nogil=True)
