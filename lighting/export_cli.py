@@ -9,7 +9,9 @@ from cyclopts import Parameter
 from capture.arguments import Output
 from capture.errors import InputError
 from capture.output import refuse_existing
+from capture.radiance import Cleaned
 from capture.radiance_files import HDR_SUFFIXES
+from lighting.environment import EnvironmentMap
 from lighting.environment_files import read_environment
 from lighting.export.files import SCENE_SUFFIXES, write_map, write_scene
 from lighting.export.orientation import Convention
@@ -33,7 +35,7 @@ def export(
     Parameters
     ----------
     lights
-        Lights, lights.json. None if the output is a map.
+        The lights, lights.json. Left out if the output is a map.
     output
         A scene: .usda, .gltf, .glb, .py (a script for Blender) or .rad (Radiance).
         Or a map: .exr or .hdr.
@@ -72,13 +74,12 @@ def _export_map(map_path: Path, output: Path, convention: Convention, *, force: 
     environment, cleaned = read_environment(map_path)
     write_map(output, environment, convention, force=force)
     print(f"{output}: {2 * environment.height}×{environment.height}, as {convention} takes it")
-    if str(cleaned):
-        print(f"  set to 0 in the map: {cleaned} values")
+    _print_marks(environment, cleaned)
 
 
 def _export_scene(lights: Path, map_path: Path | None, output: Path, *, force: bool) -> None:
     light_set = read_lights(lights)
-    environment, cleaned = (None, "") if map_path is None else read_environment(map_path)
+    environment, cleaned = (None, None) if map_path is None else read_environment(map_path)
     rig = light_rig(light_set, environment)
     dome_path = write_scene(output, rig, force=force)
 
@@ -95,5 +96,23 @@ def _export_scene(lights: Path, map_path: Path | None, output: Path, *, force: b
     if np.any(rig.missing > 1e-3 * in_lights):
         share = rig.missing.sum() / in_lights.sum()
         print(f"  {share:.1%} of the lights was not in the map where they stand: is it theirs?")
+    if light_set.clipped_fraction > 0:
+        print(
+            f"  {light_set.clipped_fraction:.1%} of the light comes from clipped cells: "
+            "the lights are a lower bound"
+        )
+    if environment is not None and cleaned is not None:
+        _print_marks(environment, cleaned)
+
+
+def _print_marks(environment: EnvironmentMap, cleaned: Cleaned) -> None:
+    """Print what the exported map does not tell: its file has no marks."""
+    if environment.seen_share < 1 - 1e-9:
+        print(
+            f"  {1 - environment.seen_share:.1%} of all directions were not seen: "
+            "there the map holds what `fishlight remap --fill` put"
+        )
+    if environment.clipped.any():
+        print(f"  {environment.clipped.sum()} cells are clipped: their radiance is a lower bound")
     if str(cleaned):
         print(f"  set to 0 in the map: {cleaned} values")

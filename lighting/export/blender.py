@@ -7,14 +7,14 @@ looked up in the map's Blender convention and its colours are radiance.
 Fails  : EEVEE draws large suns as if they were small.
 """
 
-from lighting.export.orientation import quaternions, z_up
-from lighting.export.rig import (
-    DomeFile,
+from lighting.export.discs import (
     disc_radius_rad,
     facing_irradiance,
     light_names,
     strength_and_colour,
 )
+from lighting.export.orientation import quaternions, z_up
+from lighting.export.rig import DomeFile
 from lighting.light_set import LightSet
 
 _SCRIPT = '''\

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from capture.errors import InputError
-from capture.output import refuse_existing, replacing
+from capture.output import replacing
 from capture.radiance_files import write_hdr
 from lighting.environment import EnvironmentMap
 from lighting.export.blender import to_blender
@@ -51,8 +51,8 @@ def write_scene(path: Path, rig: LightRig, *, force: bool = False) -> Path | Non
     Raises
     ------
     InputError
-        If the suffix is none of SCENE_SUFFIXES, a file exists and `force` is not set, or the folder
-        does not exist.
+        If the suffix is none of SCENE_SUFFIXES, a file exists and `force` is not set, the folder
+        does not exist, a dome's name would break the scene's text, or it cannot be turned.
     """
     try:
         scene_format = _FORMATS[path.suffix.lower()]
@@ -64,9 +64,11 @@ def write_scene(path: Path, rig: LightRig, *, force: bool = False) -> Path | Non
         with replacing(path, force=force) as partial:
             partial.write_bytes(scene_format.encode(rig.lights, None))
         return None
-    if set(dome_path.name) & set('"@\n\r'):
-        raise InputError(f"{path}: a scene with a dome needs a name without quotes, @ and newlines")
-    refuse_existing(path, force=force)
+    if set(dome_path.name) & set('"@') or not dome_path.name.isprintable():
+        raise InputError(
+            f"{str(path)!a}: a scene with a dome needs a name that it can be found by: "
+            "without quotes, @ and what cannot be printed"
+        )
     with ExitStack() as files:
         scene_partial = files.enter_context(replacing(path, force=force))
         dome_partial = files.enter_context(replacing(dome_path, force=force))

@@ -20,14 +20,14 @@ from typing import Any
 
 import numpy as np
 
-from lighting.export.orientation import quaternions
-from lighting.export.rig import (
-    DomeFile,
+from lighting.export.discs import (
     disc_radius_rad,
     facing_irradiance,
     light_names,
     strength_and_colour,
 )
+from lighting.export.orientation import quaternions
+from lighting.export.rig import DomeFile
 from lighting.light_set import LightSet
 
 _EXTENSION = "KHR_lights_punctual"

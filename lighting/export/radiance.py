@@ -16,8 +16,9 @@ References
 
 import numpy as np
 
+from lighting.export.discs import disc_radius_rad, light_names
 from lighting.export.orientation import z_up
-from lighting.export.rig import DomeFile, disc_radius_rad, light_names
+from lighting.export.rig import DomeFile
 from lighting.light_set import LightSet
 
 _LEAST_RADIUS_RAD = np.radians(0.05)

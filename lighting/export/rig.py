@@ -2,8 +2,6 @@
 
 Input  : a light set, and the map it comes from if there is one.
 Output : a LightRig, whose lights and dome together are the map, and count nothing twice.
-Other programs take a light as a uniform disc. One wider than a hemisphere, which stands for most of
-a map, becomes a hemisphere of the same ∫ L dω.
 """
 
 from dataclasses import dataclass, replace
@@ -71,34 +69,6 @@ def light_rig(lights: LightSet, environment: EnvironmentMap | None = None) -> Li
     everything = np.ones(len(lights), np.bool_)
     dome = _dome_of_fill(lights) if lights.fill.any() else None
     return LightRig(_without_fill(lights, everything), dome, np.zeros(3))
-
-
-def disc_radius_rad(lights: LightSet) -> NDArray[np.float64]:
-    """Return the radius of the disc that each light is written as, (K,), at most π/2."""
-    return np.minimum(lights.angular_radius_rad, np.pi / 2)
-
-
-def facing_irradiance(lights: LightSet) -> NDArray[np.float64]:
-    """Return the irradiance (K, 3) of each light's disc on a surface that faces its centre.
-
-    The light is ∫ L dω; at the disc's edge it comes in at an angle. A uniform disc of radius a
-    gives ∫ L cos dω = π sin² a L = ∫ L dω (1 + cos a)/2, which is what renderers mean by the
-    irradiance or illuminance of a sun.
-    """
-    return lights.irradiance * (0.5 * (1 + np.cos(disc_radius_rad(lights))))[:, None]
-
-
-def strength_and_colour(
-    rgb: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the greatest channel (K,) of (K, 3), and the colour that it multiplies, 0 to 1."""
-    strength = rgb.max(axis=1)
-    return strength, rgb / np.where(strength > 0, strength, 1.0)[:, None]
-
-
-def light_names(lights: LightSet) -> list[str]:
-    """Return a name for each light, `key_0` or `light_0` by its kind, fit for every format."""
-    return [f"{'key' if key else 'light'}_{i}" for i, key in enumerate(lights.is_key)]
 
 
 def _without_fill(lights: LightSet, chosen: NDArray[np.bool_]) -> LightSet:

@@ -19,14 +19,14 @@ import json
 
 import numpy as np
 
-from lighting.export.orientation import quaternions
-from lighting.export.rig import (
-    DomeFile,
+from lighting.export.discs import (
     disc_radius_rad,
     facing_irradiance,
     light_names,
     strength_and_colour,
 )
+from lighting.export.orientation import quaternions
+from lighting.export.rig import DomeFile
 from lighting.light_set import LightSet
 
 

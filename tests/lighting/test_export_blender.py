@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from lighting.export.discs import facing_irradiance
 from lighting.export.files import write_scene
 from lighting.export.orientation import z_up
-from lighting.export.rig import facing_irradiance, light_rig
+from lighting.export.rig import light_rig
 from tests.lighting.room import assert_lit_by_the_room, lamps, room
 
 

@@ -1,5 +1,7 @@
 """`fishlight export` from file to file."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -62,6 +64,19 @@ def test_a_map_that_is_not_the_lights_own_is_told(folder, capsys):
     assert "of the lights was not in the map" in capsys.readouterr().out
 
 
+def test_what_the_exported_map_cannot_tell_is_told(folder, capsys):
+    row, column = np.indices((64, 128))
+    marked = replace(room(), valid=row < 32, clipped=(row < 32) & (column == 7))
+    write_environment(folder / "map.exr", marked)
+    write_lights(folder / "lights.json", replace(lamps(), clipped_fraction=0.25), force=True)
+    export(folder / "lights.json", output=folder / "a.usda", map_path=folder / "map.exr")
+    export(output=folder / "b.exr", map_path=folder / "map.exr", convention="usd")
+    printed = capsys.readouterr().out
+    assert printed.count("50.0% of all directions were not seen") == 2
+    assert printed.count("32 cells are clipped") == 2
+    assert "25.0% of the light comes from clipped cells" in printed
+
+
 def test_without_a_map_only_the_scene_is_written(folder, capsys):
     export(folder / "lights.json", output=folder / "a.glb")
     assert files_in(folder) == ["a.glb"]
@@ -98,6 +113,7 @@ def test_a_map_may_become_a_radiance_picture(folder):
         ({"output": "a.usda", "map_path": "no.exr"}, r"no\.exr"),
         ({"output": "a.usda", "lights": "no.json"}, r"no\.json cannot be read"),
         ({"output": 'a"b.usda', "map_path": "map.exr"}, "without quotes"),
+        ({"output": "a\udcff.usda", "map_path": "map.exr"}, "cannot be printed"),
     ],
 )
 def test_wrong_input_is_one_line_and_writes_nothing(folder, arguments, message):

@@ -7,7 +7,8 @@ import pytest
 
 from capture.errors import InputError
 from lighting import harmonics
-from lighting.export.rig import facing_irradiance, light_names, light_rig, strength_and_colour
+from lighting.export.discs import facing_irradiance, light_names, strength_and_colour
+from lighting.export.rig import light_rig
 from lighting.light_set import LightSet
 from tests.environments import irradiance, normals, true_irradiance
 from tests.lighting.room import lamps, room
