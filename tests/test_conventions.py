@@ -196,9 +196,10 @@ class TestOtherPrograms:
 
     def test_blender(self) -> None:
         x, y, z = self.directions.T
-        u = 0.5 - np.arctan2(y, x) / (2 * np.pi)
-        self.assert_same(self.ours(np.stack([y, z, x], axis=-1)), u)
-        assert np.linalg.det(np.eye(3)[[1, 2, 0]]) == pytest.approx(1)  # a turn, not a mirror
+        in_blender = np.stack([x, -z, y], axis=-1)
+        assert np.linalg.det(np.stack([[1, 0, 0], [0, 0, -1], [0, 1, 0]])) == pytest.approx(1)
+        u = 0.5 - np.arctan2(in_blender[:, 1], in_blender[:, 0]) / (2 * np.pi)
+        self.assert_same(self.ours(self.directions), u - 0.25)
 
     def test_playcanvas(self) -> None:
         x, _, z = (self.directions * (-1, 1, 1)).T  # its shaders turn x round, then look up
