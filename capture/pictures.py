@@ -21,7 +21,9 @@ from capture.picture_header import PictureHeader, parse_header
 
 PICTURE_SUFFIXES = frozenset((".jpg", ".jpeg", ".png", ".tif", ".tiff"))
 
-_COLOURS_AS_STORED = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+_AS_STORED = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+_BGR_AS_STORED = cv2.IMREAD_COLOR_BGR | _AS_STORED
+_RGB_AS_STORED = cv2.IMREAD_COLOR_RGB | _AS_STORED
 
 
 def read_picture(path: Path) -> NDArray[Any]:
@@ -38,8 +40,12 @@ def read_picture(path: Path) -> NDArray[Any]:
     """
     data = read_bytes(path)
     header = _header(path, data)
-    # IMREAD_COLOR_RGB would spare the swap below, but OpenCV 5.0 scrambles 16-bit TIFF with it.
-    flags = cv2.IMREAD_UNCHANGED if header.has_alpha else _COLOURS_AS_STORED
+    if header.has_alpha:
+        flags, swap = cv2.IMREAD_UNCHANGED, cv2.COLOR_BGRA2RGB
+    elif header.bits == 8:
+        flags, swap = _RGB_AS_STORED, None
+    else:  # OpenCV 5.0 scrambles 16-bit TIFF with IMREAD_COLOR_RGB
+        flags, swap = _BGR_AS_STORED, cv2.COLOR_BGR2RGB
     try:
         picture = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error as error:
@@ -52,7 +58,7 @@ def read_picture(path: Path) -> NDArray[Any]:
         raise InputError(
             f"{path}: has transparent pixels, whose counts mean nothing; flatten the picture first"
         )
-    return cv2.cvtColor(picture, cv2.COLOR_BGRA2RGB if header.has_alpha else cv2.COLOR_BGR2RGB)
+    return picture if swap is None else cv2.cvtColor(picture, swap)
 
 
 def picture_size(path: Path) -> tuple[int, int]:

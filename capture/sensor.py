@@ -6,6 +6,7 @@ Fails  : where the response is assumed rather than measured: a camera's JPEG cur
 """
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -100,7 +101,12 @@ def srgb_encode(linear: NDArray[np.floating]) -> NDArray[np.floating]:
 
 def assumed_sensor(dtype: DTypeLike) -> Sensor:
     """Sensor for counts whose camera is unknown: 8-bit is sRGB-coded, anything else linear."""
-    if np.dtype(dtype) == np.uint8:
+    return _assumed_sensor(np.dtype(dtype) == np.uint8)
+
+
+@cache
+def _assumed_sensor(is_8_bit: bool) -> Sensor:
+    if is_8_bit:
         curve = srgb_decode(np.arange(256) / 255.0)
         response = np.repeat(curve[:, None], 3, axis=1)
         return Sensor(0.0, 255.0, response=response, source="assumed sRGB")
