@@ -67,29 +67,28 @@ def _received(normals, openings, opening_radius, discs, irradiance):  # type: ig
     total = np.zeros((len(normals), channels))
     for i in prange(len(normals)):
         caps = np.empty((2 + openings.shape[2], 5))
-        horizon = np.array([normals[i, 0], normals[i, 1], normals[i, 2], 0.0, 1.0])
-        opening = np.empty(5)
-        opening[3:] = opening_radius
+        horizon = (normals[i, 0], normals[i, 1], normals[i, 2], 0.0, 1.0)
         for j in range(len(discs)):
-            disc = discs[j]
+            disc = _cap(discs, j)
             above = _overlap(disc, horizon)
             if above < 0:
                 continue
-            caps[0] = disc
-            caps[1] = horizon
+            _set(caps, 0, disc)
+            _set(caps, 1, horizon)
             weight = 0.0
             for m in range(openings.shape[1]):
                 count = 2 if above == 0 else 1
                 is_whole = above > 0
                 overlap = 1
                 for k in range(openings.shape[2]):
-                    opening[:3] = openings[i, m, k]
+                    x, y, z = openings[i, m, k, 0], openings[i, m, k, 1], openings[i, m, k, 2]
+                    opening = (x, y, z, opening_radius[0], opening_radius[1])
                     overlap = _overlap(disc, opening)
                     if overlap < 0:
                         break
                     if overlap == 0:
                         is_whole = False
-                        caps[count] = opening
+                        _set(caps, count, opening)
                         count += 1
                 if overlap < 0:
                     continue
@@ -119,7 +118,8 @@ def projected_solid_angle(caps, normal):  # type: ignore[no-untyped-def]
     total = 0.0
     ends = np.empty(2 * len(caps))
     for i in range(len(caps)):
-        u, v = _orthonormal(caps[i])
+        cap = _cap(caps, i)
+        u, v = _orthonormal(cap)
         count = 0
         is_outside = False
         for j in range(len(caps)):
@@ -127,9 +127,10 @@ def projected_solid_angle(caps, normal):  # type: ignore[no-untyped-def]
                 continue
             # The circle is d(t) = cos R c + sin R (u cos t + v sin t); it is inside the other cap
             # where mean + reach cos(t − t₀) > 0.
-            mean = caps[i, 3] * _dot(caps[i], caps[j]) - caps[j, 3]
-            along_u = caps[i, 4] * _dot(u, caps[j])
-            along_v = caps[i, 4] * _dot(v, caps[j])
+            other = _cap(caps, j)
+            mean = cap[3] * _dot(cap, other) - other[3]
+            along_u = cap[4] * _dot(u, other)
+            along_v = cap[4] * _dot(v, other)
             reach = np.sqrt(along_u * along_u + along_v * along_v)
             if reach > abs(mean):
                 middle = np.arctan2(along_v, along_u)
@@ -143,14 +144,14 @@ def projected_solid_angle(caps, normal):  # type: ignore[no-untyped-def]
         if is_outside:
             continue
         if count == 0:
-            total += np.pi * caps[i, 4] ** 2 * _dot(caps[i], normal)
+            total += np.pi * cap[4] ** 2 * _dot(cap, normal)
             continue
         ends[:count].sort()
         for end in range(count):
             start = ends[end]
             stop = ends[end + 1] if end + 1 < count else ends[0] + 2 * np.pi
             if _is_inside_others(caps, i, u, v, (start + stop) / 2):
-                total += _arc_integral(caps[i], u, v, start, stop, normal)
+                total += _arc_integral(cap, u, v, start, stop, normal)
     return total
 
 
@@ -166,16 +167,28 @@ def _arc_integral(cap, u, v, start, stop, normal):  # type: ignore[no-untyped-de
 @njit(cache=True, nogil=True)
 def _is_inside_others(caps, own, u, v, t):  # type: ignore[no-untyped-def]
     """Tell whether the point at t of one cap's circle is inside all other caps."""
-    cap = caps[own]
+    cap = _cap(caps, own)
     cos_t, sin_t = cap[4] * np.cos(t), cap[4] * np.sin(t)
     x = cap[3] * cap[0] + cos_t * u[0] + sin_t * v[0]
     y = cap[3] * cap[1] + cos_t * u[1] + sin_t * v[1]
     z = cap[3] * cap[2] + cos_t * u[2] + sin_t * v[2]
     for j in range(len(caps)):
-        other = caps[j]
+        other = _cap(caps, j)
         if j != own and x * other[0] + y * other[1] + z * other[2] < other[3]:
             return False
     return True
+
+
+@njit(cache=True, nogil=True)
+def _cap(caps, index):  # type: ignore[no-untyped-def]
+    """Return a cap as a tuple: a view of an array takes longer to make than two caps to compare."""
+    return caps[index, 0], caps[index, 1], caps[index, 2], caps[index, 3], caps[index, 4]
+
+
+@njit(cache=True, nogil=True)
+def _set(caps, index, cap):  # type: ignore[no-untyped-def]
+    for k in range(5):
+        caps[index, k] = cap[k]
 
 
 @njit(cache=True, nogil=True)

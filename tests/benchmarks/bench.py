@@ -1,9 +1,10 @@
 """Speed and accuracy of every stage against its peers: `make bench`.
 
-Not a timed test: a program that writes results.json, results.md and lights.svg beside itself. Each
-stage's module has a `run(repeats)` that times ours and the peer alternately in this process and
-returns rows {stage, case, system, ms, ratio, accuracy}; ms is the median over the repeats, ratio is
-the peer's time over ours. Absolute times belong to the machine named in the file.
+Not a timed test: a program that writes results.json, results.md, lights.svg and lights-dark.svg
+beside itself. Each stage's module has a `run(repeats)` that times ours and the peer in this process
+and returns rows {stage, case, system, ms, ratio, accuracy}; ms is the median over the repeats, of
+lights the least (lighting/chart.py), ratio is the peer's time over ours. Absolute times belong to
+the machine named in the file.
 """
 
 import argparse
@@ -16,7 +17,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from tests.benchmarks.chart import draw
+from tests.benchmarks.chart import draw_rows
 
 HERE = Path(__file__).parent
 STAGES = ("pipeline", "merge", "remap", "lights", "render")
@@ -89,7 +90,7 @@ def main() -> None:
     (arguments.output / "results.md").write_text(heading + "\n".join(tables))
     if "lights" in arguments.stages:
         rows = [row for row in results["rows"] if row["stage"] == "lights"]
-        draw(rows, arguments.output / "lights.svg")
+        draw_rows(rows, arguments.output)
 
 
 if __name__ == "__main__":
