@@ -9,8 +9,9 @@ twice.
 Cost   : the directions of all cells once, then a sort of the cells in each cap.
 Fails  : where a cap holds less light than the light it belongs to: all of it is taken, and the
          caller is told how much that was. A light that stands for more than a peak (a cell of the
-         map, a sample) leaves a hole, for its cap is dark before its irradiance is reached. The cap
-         is round, so another source beside the light's own is cut with it if it is brighter.
+         map, a sample) leaves a hole, for its cap is dark before its irradiance is reached. A
+         brighter source in the same cap is cut in place of the light's own
+         (tests/limits/test_residual_neighbour.py).
 """
 
 from dataclasses import replace
