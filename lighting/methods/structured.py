@@ -11,6 +11,7 @@ Cost   : one pass over the map; then, over blocks of its cells, one for each thr
          for each doubling of the number of lights.
 Fails  : noise moves blocks across thresholds, and regions join, part and trade lights
          (tests/limits/test_structured_noise.py); within a region strata are blind to brightness.
+         While no block does, the strata stand still, whatever the light in them.
 
 References
 ----------
@@ -25,7 +26,6 @@ from lighting.apportionment import apportion
 from lighting.cell_splitting import Array, lights_of_sums
 from lighting.environment import EnvironmentMap
 from lighting.farthest_points import farthest_point_strata
-from lighting.latlong import solid_angles
 from lighting.nested_regions import nested_regions
 from lighting.summed_area import block_sums
 
@@ -69,7 +69,7 @@ def structured(environment: EnvironmentMap, count: int) -> tuple[Array, Array, A
     power = blocks[..., 0]
     if not power.any():
         return np.empty((0, 3)), np.empty((0, 3)), np.empty(0)
-    solid_angle = _block_solid_angles(height, *power.shape)
+    solid_angle, directions = _block_grid(height, *power.shape)
     brightness = power / solid_angle
     mean = float(power.sum()) / (4 * np.pi)
     deviation = np.sqrt(float((solid_angle * (brightness - mean) ** 2).sum()) / (4 * np.pi))
@@ -84,8 +84,10 @@ def structured(environment: EnvironmentMap, count: int) -> tuple[Array, Array, A
 
     rows, columns = np.nonzero(power)
     sums = blocks[rows, columns]
+    # The middles of blocks, not the centroids of their light: where two points are as far, rounding
+    # must not choose anew in each frame.
     strata = farthest_point_strata(
-        sums[:, 1:4] / np.linalg.norm(sums[:, 1:4], axis=1)[:, None],
+        directions[rows, columns],
         owners[regions[rows, columns]],
         rows // _BLOCKS_PER_BUCKET * power.shape[1] + columns // _BLOCKS_PER_BUCKET,
         seats,
@@ -93,12 +95,22 @@ def structured(environment: EnvironmentMap, count: int) -> tuple[Array, Array, A
     return lights_of_sums(_sums_of_strata(sums, strata, int(seats.sum())))
 
 
-def _block_solid_angles(height: int, rows: int, columns: int) -> Array:
-    """Return the solid angle of each block of a map of `height` rows, (rows, columns)."""
+def _block_grid(height: int, rows: int, columns: int) -> tuple[Array, Array]:
+    """Return solid angle (rows, columns) and middle direction (rows, columns, 3) of each block.
+
+    The map has `height` rows of cells; the last blocks of a row or column may have fewer.
+    """
     cells_per_block = -(-height // rows)
-    per_row = np.add.reduceat(solid_angles(height), np.arange(0, height, cells_per_block))
-    ends = np.minimum(np.arange(columns + 1) * cells_per_block, 2 * height)
-    return per_row[:, None] * np.diff(ends)
+    step = np.pi / height
+    theta = step * np.minimum(np.arange(rows + 1) * cells_per_block, height)
+    phi = np.pi - step * np.minimum(np.arange(columns + 1) * cells_per_block, 2 * height)
+    solid_angle = np.outer(np.diff(-np.cos(theta)), np.diff(-phi))
+    theta, phi = (theta[:-1] + theta[1:]) / 2, (phi[:-1] + phi[1:]) / 2
+    directions = np.empty((rows, columns, 3))
+    directions[..., 0] = np.outer(np.sin(theta), np.sin(phi))
+    directions[..., 1] = np.cos(theta)[:, None]
+    directions[..., 2] = np.outer(np.sin(theta), np.cos(phi))
+    return solid_angle, directions
 
 
 @njit(cache=True, nogil=True)
