@@ -3,13 +3,18 @@
 Case : 3 JPEG exposures of 1024² px → 1024×512 map → 64 lights → 640×480 picture of the default
 scene, every frame another bracket, so that every light moves and every shadow map is drawn anew.
 Peer : OpenCV decoding, MergeRobertson with the true response and remap with cached maps; the
-plain median cut of tests/benchmarks/lights.py. There is none for the picture.
+plain median cut of lighting/peers.py. There is none for the picture.
+
+`pipelined` is milliseconds per bracket of a stream of them, up to the lights: the session's thread
+brings brackets in while this one merges and reduces them, from counts in memory, as a camera
+delivers them, and from JPEG files. "through a map" reduces a 1024×512 map, "at the source" sums
+the picture's pixels over blocks and needs none.
 """
 
 import statistics
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,22 +26,27 @@ from calibration.files import write_calibration
 from calibration.models.equidistant import Equidistant
 from capture.frame import Bracket
 from capture.merge import merge_bracket
+from capture.radiance import RadianceImage
 from capture.recording import Recording, open_recording
 from lighting.latlong import cell_directions
-from lighting.reduce import reduce_to_lights
+from lighting.peers import median_cut
+from lighting.reduce import reduce_blocks_to_lights, reduce_to_lights
 from lighting.remap import apply_remap, build_remap
 from lighting.scenario import scenario
 from lighting.simulate import simulate_recording
+from lighting.source_blocks import apply_source_blocks, build_source_blocks
 from render.default_scene import default_scene
 from render.gl import create_context
 from render.renderer import Renderer
-from tests.benchmarks.lights import median_cut
+from render.session import run_session
 from tests.environments import environment, outdoors
 
 SIZE = 1024
 MAP_HEIGHT = 512
 COUNT = 64
+METHOD = "cells"
 BRACKETS = 4
+STREAM_BRACKETS = 16
 EXPOSURES_S = (1 / 4000, 1 / 250, 1 / 16)
 CAMERA = Calibration(Equidistant(((SIZE - 1) / 2,) * 2, SIZE / np.pi), (SIZE,) * 2, np.pi / 2, UP)
 CASE = "3 × 1024² JPEG → 1024×512 → 64 lights → 640×480"
@@ -52,12 +62,14 @@ def run(repeats: int) -> list[dict[str, Any]]:
             "fishlight": _ours(recording),
             "OpenCV + median cut": _peer(recording),
         }
+        streams = _streams(recording)
         times: dict[str, Times] = {name: {} for name in systems}
         for repeat in range(-1, repeats):
             for name, system in systems.items():
                 for stage, ms in system(repeat % BRACKETS).items():
                     if repeat >= 0:
                         times[name].setdefault(stage, []).extend(ms)
+        stream_ms = _alternating_medians(streams, repeats)
     medians = {
         name: {stage: statistics.median(ms) for stage, ms in stages.items()}
         for name, stages in times.items()
@@ -66,7 +78,7 @@ def run(repeats: int) -> list[dict[str, Any]]:
         to_lights = [stages[stage] for stage in ("decode", "merge", "remap", "lights")]
         stages["capture to lights"] = sum(to_lights)
     ours = medians["fishlight"]
-    return [
+    rows = [
         {
             "stage": "pipeline",
             "case": stage,
@@ -78,6 +90,10 @@ def run(repeats: int) -> list[dict[str, Any]]:
         for stage in ours
         for name, stages in medians.items()
         if (ms := stages.get(stage)) is not None
+    ]
+    return rows + [
+        {"stage": "pipeline", "case": case, "system": system, "ms": ms, "accuracy": {}}
+        for (case, system), ms in stream_ms.items()
     ]
 
 
@@ -112,11 +128,64 @@ def _ours(recording: Recording) -> Callable[[int], Times]:
         bracket: Bracket = _timed(times, "decode", lambda: recording.read_bracket(position))
         image = _timed(times, "merge", lambda: merge_bracket(bracket, recording.sensor))
         seen = _timed(times, "remap", lambda: apply_remap(remap, image))
-        lights = _timed(times, "lights", lambda: reduce_to_lights(seen, COUNT))
+        lights = _timed(times, "lights", lambda: reduce_to_lights(seen, COUNT, METHOD))
         _timed(times, "render", lambda: renderer.render(lights, seen))
         return times
 
     return one_bracket
+
+
+class _Stream:
+    """Brackets over and over, as many as STREAM_BRACKETS."""
+
+    def __init__(self, bracket_at: Callable[[int], Bracket]) -> None:
+        self._bracket_at = bracket_at
+
+    def __iter__(self) -> Iterator[Bracket]:
+        return (self._bracket_at(index % BRACKETS) for index in range(STREAM_BRACKETS))
+
+
+def _streams(recording: Recording) -> dict[tuple[str, str], Callable[[], Any]]:
+    """Return sessions of STREAM_BRACKETS by (case, system)."""
+    remap, source_blocks = build_remap(CAMERA, MAP_HEIGHT), build_source_blocks(CAMERA)
+    in_memory = [recording.read_bracket(position) for position in range(BRACKETS)]
+
+    def through_a_map(image: RadianceImage) -> None:
+        reduce_to_lights(apply_remap(remap, image), COUNT, METHOD)
+
+    def at_the_source(image: RadianceImage) -> None:
+        reduce_blocks_to_lights(apply_source_blocks(source_blocks, image), COUNT, METHOD)
+
+    def session(stream: _Stream, reduce: Callable[[RadianceImage], None]) -> Callable[[], Any]:
+        return lambda: run_session(
+            stream, lambda bracket, *_: reduce(merge_bracket(bracket, recording.sensor))
+        )
+
+    return {
+        (f"pipelined, from {kind}", system): session(_Stream(bracket_at), reduce)
+        for kind, bracket_at in (
+            ("counts", in_memory.__getitem__),
+            ("JPEG", recording.read_bracket),
+        )
+        for system, reduce in (
+            ("fishlight, at the source", at_the_source),
+            ("fishlight, through a map", through_a_map),
+        )
+    }
+
+
+def _alternating_medians(
+    streams: dict[tuple[str, str], Callable[[], Any]], repeats: int
+) -> dict[tuple[str, str], float]:
+    """Return milliseconds per bracket; the sessions take turns."""
+    times: Times = {}
+    samples: dict[tuple[str, str], list[float]] = {key: [] for key in streams}
+    for repeat in range(-1, repeats):
+        for key, stream in streams.items():
+            _timed(times, "stream", stream)
+            if repeat >= 0:
+                samples[key].append(times["stream"][-1] / STREAM_BRACKETS)
+    return {key: statistics.median(ms) for key, ms in samples.items()}
 
 
 def _peer(recording: Recording) -> Callable[[int], Times]:
