@@ -6,7 +6,7 @@ that its middle lies in. Neither the energy nor the direction of light is rounde
 only say where cells can be cut. No pixel is ever cut, so a sun of one pixel is one light.
 `build_source_blocks` does this once for a camera; `apply_source_blocks` is then one pass over the
 picture. `picture_blocks` is for single pictures of any size, in bounded memory.
-Cost   : see tests/benchmarks/source_blocks.py; 20 bytes a pixel for as long as the camera is used.
+Cost   : see tests/benchmarks/source.py; 20 bytes a pixel for as long as the camera is used.
 Fails  : the light of a block over its solid angle is no radiance: where pixels are not much smaller
 than blocks, some have one more than others (tests/limits/test_source_uneven_blocks.py). A pixel is
 seen if its centre is, so on the edge of the picture light comes and goes by whole pixels
