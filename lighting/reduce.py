@@ -18,7 +18,14 @@ from lighting.light_set import LightSet
 from lighting.methods.cells import cells, cells_of_blocks
 from lighting.methods.hierarchical import hierarchical
 from lighting.methods.inverse_cdf import inverse_cdf
+from lighting.methods.kollig_keller import (
+    kollig_keller,
+    kollig_keller_of_blocks,
+    lloyd,
+    lloyd_of_blocks,
+)
 from lighting.methods.median_cut import median_cut, median_cut_of_blocks
+from lighting.methods.q2_tree import q2_tree, q2_tree_of_blocks
 from lighting.methods.stratified import stratified_random
 from lighting.methods.structured import structured
 from lighting.methods.variance_minimisation import (
@@ -39,12 +46,18 @@ METHODS: Mapping[str, Method] = {
     "median-cut": median_cut,
     "variance-minimisation": variance_minimisation,
     "structured": structured,
+    "lloyd": lloyd,
+    "kollig-keller": kollig_keller,
+    "q2-tree": q2_tree,
     "cells": cells,
 }
 
 BLOCK_METHODS: Mapping[str, BlockMethod] = {
     "median-cut": median_cut_of_blocks,
     "variance-minimisation": variance_minimisation_of_blocks,
+    "lloyd": lloyd_of_blocks,
+    "kollig-keller": kollig_keller_of_blocks,
+    "q2-tree": q2_tree_of_blocks,
     "cells": cells_of_blocks,
 }
 """Those of `METHODS` that take block sums (rows, columns, 7) too."""
