@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 RATE_HZ = 30.0
 """Frames a second; the steps per frame that sequences are named after are at this rate."""
 
-_WARM = (1.25, 0.96, 0.63)
+_WARM = (1.25, 0.96, 0.66)
 _WHITE = (1.0, 1.0, 1.0)
 _POINTS = 256
 _SOFT_RADIUS_RAD = np.radians(8.0)

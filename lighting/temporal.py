@@ -40,22 +40,18 @@ from capture.errors import InputError
 from lighting import harmonics
 from lighting.environment import luminance
 from lighting.light_set import LightSet
-from lighting.matching import match
-from lighting.scenario import SUN_RADIUS_RAD
+from lighting.mixing import mixed
 
 Array = NDArray[np.float64]
 
-MOST_FADING = 32
-"""Lights shown beside those that came, at most, while they fade out."""
-
-_SMOOTHING_S = 0.16
-_WAVERS, _FOLLOWS = 0.4, 0.95
+_SMOOTHING_S = 0.25
+_RESPONSE_S = 0.12
+"""Over which deviations are judged: shorter notices a change sooner, longer knows noise better."""
+_WAVERS, _FOLLOWS = 0.5, 0.95
 """Ratio of deviation to swing up to which a change is noise, and from which on it is followed."""
 _FIRST_SWING = 0.01
 """Swing to start with, relative to the light: a smaller first deviation is taken for noise."""
 _FIRST_INTERVAL_S = 1 / 30
-_FAINT = 0.1
-"""Share of a mean light's power at which a fading light goes out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +95,8 @@ def steady(lights: LightSet, memory: Memory | None = None) -> tuple[LightSet, Me
     -------
     LightSet
         A light has the index it had in the last frame. Those that went out leave a light without
-        irradiance until another takes the place. At most `MOST_FADING` more than the most lights
-        that came in any frame.
+        irradiance until another takes the place. At most 32 (mixing.MOST_FADING) more than the most
+        lights that came in any frame.
     Memory
 
     Raises
@@ -118,13 +114,24 @@ def steady(lights: LightSet, memory: Memory | None = None) -> tuple[LightSet, Me
     is_odd = not interval_s > 0
     if is_odd:
         interval_s = memory.interval_s
-    least_share = -np.expm1(-interval_s / _SMOOTHING_S)
+    response = -np.expm1(-interval_s / _RESPONSE_S)
     deviation = _harmonics(lights) - _harmonics(last)
-    smoothed = memory.deviation + least_share * (deviation - memory.deviation)
-    swing = memory.swing + least_share * (float(np.linalg.norm(deviation)) - memory.swing)
+    smoothed = memory.deviation + response * (deviation - memory.deviation)
+    swing = memory.swing + response * (float(np.linalg.norm(deviation)) - memory.swing)
     ratio = float(np.linalg.norm(smoothed)) / swing if swing else 0.0
     followed = np.clip((ratio - _WAVERS) / (_FOLLOWS - _WAVERS), 0.0, 1.0) ** 2
-    shown = _mixture(last, lights, float(least_share + (1 - least_share) * followed))
+    least_share = -np.expm1(-interval_s / _SMOOTHING_S)
+    share = float(least_share + (1 - least_share) * followed)
+    directions, irradiance, angular_radius_rad, is_key = mixed(last, lights, share)
+    shown = replace(
+        lights,
+        directions=directions,
+        irradiance=irradiance,
+        angular_radius_rad=angular_radius_rad,
+        is_key=is_key,
+        fill=last.fill + share * (lights.fill - last.fill),
+        clipped_fraction=_clipped_fraction(last, lights, share),
+    )
     return shown, Memory(shown, interval_s, smoothed, swing, memory.odd_times + is_odd)
 
 
@@ -132,99 +139,6 @@ def _harmonics(lights: LightSet) -> Array:
     """Return the harmonics (9,) of the luminance of lights and fill."""
     from_lights = luminance(lights.irradiance) @ harmonics.basis(lights.directions)
     return from_lights + luminance(lights.fill)
-
-
-def _mixture(last: LightSet, new: LightSet, share: float) -> LightSet:
-    """Return 1 − share of the last lights and `share` of the new ones, each in its place."""
-    last_power, new_power = luminance(last.irradiance), luminance(new.irradiance)
-    place = match(new.directions, new_power, new.is_key, last.directions, last_power, last.is_key)
-    is_matched, is_lit = place >= 0, new_power > 0
-    is_new = is_lit & ~is_matched
-
-    is_fading = last_power > 0
-    is_fading[place[is_matched]] = False
-    gone = _gone((1 - share) * last_power, is_fading, new_power[is_lit])
-    before = last.irradiance.copy()
-    handed_on = (1 - share) * before[gone]
-    before[gone] = 0.0
-    places = np.flatnonzero(~before.any(axis=1))[: np.count_nonzero(is_new)]
-    more = np.arange(len(last), len(last) + np.count_nonzero(is_new) - len(places))
-    place[is_new] = np.concatenate([places, more])
-
-    before = np.pad(before, ((0, len(more)), (0, 0)))
-    came = np.zeros_like(before)
-    came[place[is_lit]] = new.irradiance[is_lit]
-    irradiance = before + share * (came - before)
-    if len(gone):
-        nearest = np.argmax(last.directions[gone] @ new.directions[is_lit].T, axis=1)
-        np.add.at(irradiance, place[is_lit][nearest], handed_on)
-
-    directions = np.pad(last.directions, ((0, len(more)), (0, 0)))
-    radius_rad = np.pad(last.angular_radius_rad, (0, len(more)))
-    is_key = np.pad(last.is_key, (0, len(more)))
-    directions[place[is_new]] = new.directions[is_new]
-    radius_rad[place[is_new]] = new.angular_radius_rad[is_new]
-    is_key[place[is_new]] = new.is_key[is_new]
-    known = place[is_matched]
-    directions[known], radius_rad[known] = _turned(
-        last.directions[known],
-        last.angular_radius_rad[known],
-        last_power[known],
-        new.directions[is_matched],
-        new.angular_radius_rad[is_matched],
-        new_power[is_matched],
-        share,
-    )
-    lit_places = np.flatnonzero(irradiance.any(axis=1))
-    count = lit_places[-1] + 1 if len(lit_places) else 0
-    return replace(
-        new,
-        directions=directions[:count],
-        irradiance=irradiance[:count],
-        angular_radius_rad=radius_rad[:count],
-        is_key=is_key[:count],
-        fill=last.fill + share * (new.fill - last.fill),
-        clipped_fraction=_clipped_fraction(last, new, share),
-    )
-
-
-def _gone(power: Array, is_fading: NDArray[np.bool_], new_power: Array) -> NDArray[np.int64]:
-    """Return which fading lights go out now: what they have left passes to the nearest new light.
-
-    Those that are faint, and the faintest of too many. None, if there is no new light to take it.
-    """
-    if not len(new_power):
-        return np.empty(0, np.int64)
-    fading = np.flatnonzero(is_fading)
-    fading = fading[np.argsort(-power[fading], kind="stable")]
-    is_faint = power[fading] < _FAINT * new_power.mean()
-    is_faint[MOST_FADING:] = True
-    return fading[is_faint]
-
-
-def _turned(
-    last_directions: Array,
-    last_radius_rad: Array,
-    last_power: Array,
-    directions: Array,
-    radius_rad: Array,
-    power: Array,
-    share: float,
-) -> tuple[Array, Array]:
-    """Return directions (K, 3) and radii (K,) of matched lights, part of the way to the new ones.
-
-    The part is at least `share`, and the turn in radii of the light if that is more; in directions
-    it is a share of the power, since what is mixed are the moments ∫ Y d dω.
-    """
-    chord = directions - last_directions
-    turn_rad = np.sqrt((chord * chord).sum(axis=1))
-    reach_rad = np.maximum(np.maximum(last_radius_rad, radius_rad), SUN_RADIUS_RAD)
-    part = np.clip(turn_rad / reach_rad, share, 1.0)
-    of_new = part * power
-    mixed = last_directions + (of_new / ((1 - part) * last_power + of_new))[:, None] * chord
-    moved = turn_rad > 0
-    mixed[moved] /= np.linalg.norm(mixed[moved], axis=1, keepdims=True)
-    return mixed, last_radius_rad + part * (radius_rad - last_radius_rad)
 
 
 def _clipped_fraction(last: LightSet, new: LightSet, share: float) -> float:
