@@ -104,8 +104,8 @@ def build_source_blocks(calibration: Calibration, rows: int = BLOCK_ROWS) -> Sou
 def apply_source_blocks(source: SourceBlocks, image: RadianceImage) -> BlockSums:
     """Return the light that a picture shows, over blocks.
 
-    Pixels that are not valid are unseen.
-    The same picture gives the same bits on any number of threads.
+    Pixels that are not valid are unseen. The same picture gives the same bits on any number of
+    threads.
 
     Raises
     ------
@@ -204,7 +204,7 @@ def _entries(calibration: Calibration, rows: int, first_row: int, last_row: int)
     corners, seen = pixel_corners(calibration, first_row, last_row)
     solid_angle, moment = pixel_moments(corners, seen)
     column, row = np.rint(direction_to_grid(moment, rows)).astype(np.int64).T
-    block = np.clip(row, 0, rows - 1) * 2 * rows + column % (2 * rows)
+    block = np.minimum(row, rows - 1) * 2 * rows + column
     centres = cell_directions(rows).reshape(-1, 3)
     moment -= solid_angle[:, None] * centres[block]
     weights = np.column_stack([solid_angle, moment])

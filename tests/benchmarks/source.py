@@ -1,8 +1,8 @@
 """From a fisheye picture to block sums: straight from the source, and through a map.
 
-Peers are this project's own: the remap to a map, and its block sums. Accuracy, with all blocks as
-lights, in %: relative rms error of irradiance under a sky with a sun of 0.53°, and error of the flux
-of the sun alone. The largest of four places: on the seam, at the pole, 1° above the edge, elsewhere.
+Peers are this project's own: the remap to a map, and its block sums. Accuracy, in %, with every
+block as a light: relative rms error of irradiance under a sky with a sun of 0.53°, and error of the
+flux of the sun alone; the largest of four places: seam, pole, 1° above the edge, elsewhere.
 """
 
 import statistics
