@@ -82,17 +82,17 @@ def structured(environment: EnvironmentMap, count: int) -> tuple[Array, Array, A
     lit_blocks = np.bincount(regions[power > 0], minlength=len(parents))
     owners, seats = apportion(importance, lit_blocks, parents, count)
 
-    rows, columns = np.nonzero(power)
-    sums = blocks[rows, columns]
     # The middles of blocks, not the centroids of their light: where two points are as far, rounding
     # must not choose anew in each frame.
+    lit = np.flatnonzero(power)
+    row, column = np.divmod(lit, power.shape[1])
     strata = farthest_point_strata(
-        directions[rows, columns],
-        owners[regions[rows, columns]],
-        rows // _BLOCKS_PER_BUCKET * power.shape[1] + columns // _BLOCKS_PER_BUCKET,
+        directions.reshape(-1, 3)[lit],
+        owners[regions.ravel()[lit]],
+        row // _BLOCKS_PER_BUCKET * power.shape[1] + column // _BLOCKS_PER_BUCKET,
         seats,
     )
-    return lights_of_sums(_sums_of_strata(sums, strata, int(seats.sum())))
+    return lights_of_sums(_sums_of_strata(blocks.reshape(-1, 7), lit, strata, int(seats.sum())))
 
 
 def _block_grid(height: int, rows: int, columns: int) -> tuple[Array, Array]:
@@ -114,9 +114,9 @@ def _block_grid(height: int, rows: int, columns: int) -> tuple[Array, Array]:
 
 
 @njit(cache=True, nogil=True)
-def _sums_of_strata(sums, strata, count):  # type: ignore[no-untyped-def]
+def _sums_of_strata(blocks, lit, strata, count):  # type: ignore[no-untyped-def]
     total = np.zeros((count, 7))
-    for i in range(len(strata)):
+    for i in range(len(lit)):
         for k in range(7):
-            total[strata[i], k] += sums[i, k]
+            total[strata[i], k] += blocks[lit[i], k]
     return total
