@@ -84,7 +84,7 @@ def chart_lights(
         draw(points, list(METHODS), _about(maps), path, theme)
     print(
         f"{output}: {len(errors) + len(flickers)} measurements of {len(compared)} systems on "
-        f"{len(maps)} maps and {len(SEQUENCES)} sequences"
+        f"{len(maps)} {'map' if len(maps) == 1 else 'maps'} and {len(SEQUENCES)} sequences"
     )
 
 
