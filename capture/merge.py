@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from capture.frame import Bracket, Frame
 from capture.merge_kernel import merge_counts
+from capture.picture_memory import PictureMemory
 from capture.radiance import RadianceImage, clean_radiance
 from capture.sensor import Sensor
 
@@ -25,7 +26,9 @@ _CONTRADICTION = 4.0
 count below it: far enough that noise alone leaves out one value in thirty thousand at most."""
 
 
-def merge_bracket(bracket: Bracket, sensor: Sensor) -> RadianceImage:
+def merge_bracket(
+    bracket: Bracket, sensor: Sensor, memory: PictureMemory | None = None
+) -> RadianceImage:
     """Return the maximum-likelihood radiance of a bracket, with its variance and its marks.
 
     Exposure k collects y_k = x_k / gain_k, its linear value at gain 1, with
@@ -66,6 +69,9 @@ def merge_bracket(bracket: Bracket, sensor: Sensor) -> RadianceImage:
         in timestamp or index.
     sensor : Sensor
         Not used for float counts.
+    memory : PictureMemory or None
+        Where the picture goes, for a stream of brackets: nothing is then allocated for each. Not
+        used for float counts.
 
     Raises
     ------
@@ -76,10 +82,8 @@ def merge_bracket(bracket: Bracket, sensor: Sensor) -> RadianceImage:
     if frames[0].counts.dtype == np.float32:
         return _average(frames)
     sensor.check_counts(frames[0].counts.dtype)
-    width, height = frames[0].size_px
-    radiance = np.empty((height, width, 3), np.float32)
-    variance = np.empty((height, width, 3), np.float32)
-    clipped = np.empty((height, width), np.bool_)
+    picture = (memory or PictureMemory()).arrays(frames[0].size_px)
+    picture.valid[:] = True
     step = 1.0 / (sensor.white_dn - sensor.black_dn)
     merge_counts(
         _flat_counts(frames),
@@ -93,11 +97,11 @@ def merge_bracket(bracket: Bracket, sensor: Sensor) -> RadianceImage:
         np.float32(1.0 / sensor.full_well_e),
         np.float32((sensor.read_noise_e / sensor.full_well_e) ** 2),
         np.float32(_CONTRADICTION**2),
-        radiance.reshape(-1),
-        variance.reshape(-1),
-        clipped.reshape(-1),
+        picture.radiance.reshape(-1),
+        picture.variance.reshape(-1),
+        picture.clipped.reshape(-1),
     )
-    return RadianceImage(radiance, variance, np.ones((height, width), np.bool_), clipped)
+    return RadianceImage(*picture)
 
 
 def _average(frames: Sequence[Frame]) -> RadianceImage:
