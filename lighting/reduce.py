@@ -25,6 +25,7 @@ from lighting.methods.kollig_keller import (
     lloyd_of_blocks,
 )
 from lighting.methods.median_cut import median_cut, median_cut_of_blocks
+from lighting.methods.penrose import penrose
 from lighting.methods.q2_tree import q2_tree, q2_tree_of_blocks
 from lighting.methods.stratified import stratified_random
 from lighting.methods.structured import structured
@@ -48,6 +49,7 @@ METHODS: Mapping[str, Method] = {
     "structured": structured,
     "lloyd": lloyd,
     "kollig-keller": kollig_keller,
+    "penrose": penrose,
     "q2-tree": q2_tree,
     "cells": cells,
 }

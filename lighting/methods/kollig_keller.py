@@ -130,10 +130,8 @@ def _coarsened(blocks: Array, most_rows: int) -> Array:
 def _grown(sums: Array, points: TiledPoints, tiles: Labels, sites: Array, wanted: int) -> Labels:
     """Return the cell of each point (n,), of `wanted` cells grown from those around `sites`."""
     number = len(sites) or min(_FIRST, wanted)
-    if len(sites):
-        labels = _around(sums, points, sites)
-    else:
-        labels = _spread_labels(points, tiles, number)
+    grown_before = len(sites) > 0
+    labels = _around(sums, points, sites) if grown_before else _spread_labels(points, tiles, number)
     while True:
         steps = _STEPS_PER_ROUND if number < wanted else _FINAL_STEPS
         labels = _relaxed(sums, points, labels, steps)
