@@ -23,6 +23,7 @@ from capture.errors import InputError, UnreadableFrame
 from capture.frame import Bracket
 from capture.merge import merge_bracket
 from capture.output import PARTIAL_PREFIX, write_json
+from capture.picture_memory import PictureMemory
 from capture.pictures import write_png
 from capture.progress import progress
 from capture.recording import Recording, open_recording
@@ -115,6 +116,7 @@ def replay(
     source = progress(recording, "replay", len(recording))
     size_px, rate_hz = camera.size_px, frame_rate_hz(recording)
     failures: list[str] = []
+    memory = PictureMemory()
     with ExitStack() as stack:
         context = stack.enter_context(create_context())
         renderer = stack.enter_context(Renderer(context, scene, camera))
@@ -127,7 +129,7 @@ def replay(
         def process(bracket: Bracket, clock: StageClock, counters: Counters) -> None:
             nonlocal clipped_count, exposure_ev, last_picture, video
             with clock.stage("merge"):
-                image = merge_bracket(bracket, recording.sensor)
+                image = merge_bracket(bracket, recording.sensor, memory)
             counters.merged += 1
             with clock.stage("remap"):
                 environment = apply_remap(remap, image)

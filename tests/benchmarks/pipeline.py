@@ -26,6 +26,7 @@ from calibration.files import write_calibration
 from calibration.models.equidistant import Equidistant
 from capture.frame import Bracket
 from capture.merge import merge_bracket
+from capture.picture_memory import PictureMemory
 from capture.radiance import RadianceImage
 from capture.recording import Recording, open_recording
 from lighting.latlong import cell_directions
@@ -122,11 +123,12 @@ def _timed(times: Times, stage: str, action: Callable[[], Any]) -> Any:
 def _ours(recording: Recording) -> Callable[[int], Times]:
     remap = build_remap(CAMERA, MAP_HEIGHT)
     renderer = Renderer(create_context(), *default_scene())
+    memory = PictureMemory()
 
     def one_bracket(position: int) -> Times:
         times: Times = {}
         bracket: Bracket = _timed(times, "decode", lambda: recording.read_bracket(position))
-        image = _timed(times, "merge", lambda: merge_bracket(bracket, recording.sensor))
+        image = _timed(times, "merge", lambda: merge_bracket(bracket, recording.sensor, memory))
         seen = _timed(times, "remap", lambda: apply_remap(remap, image))
         lights = _timed(times, "lights", lambda: reduce_to_lights(seen, COUNT, METHOD))
         _timed(times, "render", lambda: renderer.render(lights, seen))
@@ -157,8 +159,9 @@ def _streams(recording: Recording) -> dict[tuple[str, str], Callable[[], Any]]:
         reduce_blocks_to_lights(apply_source_blocks(source_blocks, image), COUNT, METHOD)
 
     def session(stream: _Stream, reduce: Callable[[RadianceImage], None]) -> Callable[[], Any]:
+        memory = PictureMemory()
         return lambda: run_session(
-            stream, lambda bracket, *_: reduce(merge_bracket(bracket, recording.sensor))
+            stream, lambda bracket, *_: reduce(merge_bracket(bracket, recording.sensor, memory))
         )
 
     return {
