@@ -13,7 +13,7 @@ Fails  : two caps with the same circle count the arcs they share twice; discs be
 """
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -60,12 +60,12 @@ def received(
     )
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@njit(cache=True, nogil=True)
 def _received(normals, openings, opening_radius, discs, irradiance):  # type: ignore[no-untyped-def]
     """Sum over discs; a cap is (x, y, z, cos R, sin R)."""
     channels = irradiance.shape[1]
     total = np.zeros((len(normals), channels))
-    for i in prange(len(normals)):
+    for i in range(len(normals)):
         caps = np.empty((2 + openings.shape[2], 5))
         horizon = (normals[i, 0], normals[i, 1], normals[i, 2], 0.0, 1.0)
         for j in range(len(discs)):

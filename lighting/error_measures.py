@@ -7,8 +7,8 @@ angular radius (its share). An error is the root mean square over surfaces and c
 minus true irradiance, over that of the true one.
 
 Reference : all cells of the map, in double precision, each as the disc of its solid angle.
-Cost      : 40 to 90 ms for 16 to 1024 lights, 1 s for the truth of a map of 256 rows, 4 of 512, on
-            two cores; nearly half of it behind the comb.
+Cost      : 5 to 150 ms for 16 to 1024 lights, 2 s for the truth of a map of 256 rows, 7 of 512, on
+            one core; nearly half of it behind the comb.
 Fails     : occluders are at infinity and their edges sharp; a fill is summed over a grid of 64
             rows, which is within 1e-3 (rms) of the irradiance behind the comb, 3e-4 elsewhere.
 """
