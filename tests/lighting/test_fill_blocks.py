@@ -75,6 +75,18 @@ def test_a_sun_is_mirrored_with_its_place_and_its_clipping():
     np.testing.assert_allclose(filled.integral(), 10)
 
 
+def test_light_in_a_sliver_is_not_multiplied_by_its_mirror():
+    # A lamp in a block of which an eighth is seen: eight lamps below would be a poor guess.
+    sums = np.zeros((8, 16, 7))
+    sums[1, 3] = 5, 0, 5, 0, 5, 5, 5
+    unseen = np.repeat([0.0, 1.0], 64).reshape(8, 16)
+    unseen[1, 3] = 0.875
+    blocks = BlockSums(sums, unseen * sky(8), np.zeros((8, 16)))
+    filled, by_mean = fill_blocks(blocks, "mirror"), fill_blocks(blocks, "mean")
+    np.testing.assert_allclose(filled.sums[6, 3], by_mean.sums[6, 3])
+    assert filled.sums[6, 3, 0] < 0.1
+
+
 def test_the_mean_is_that_of_the_seen_solid_angle():
     # The row at the upper pole, of radiance 3, is all that was seen.
     radiance = np.zeros((4, 8, 3), np.float32)
