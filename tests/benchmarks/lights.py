@@ -30,6 +30,8 @@ FIGURES = {
     "open, discs": "irradiance error %, with extent",
     "occluded, points": "occluded %, as points",
     "occluded, discs": "occluded %, with extent",
+    "sphere, points": "behind a sphere %, as points",
+    "sphere, discs": "behind a sphere %, with extent",
     chart.FLICKER: "flicker %",
 }
 """Figures of the chart and the columns that hold them, in per cent."""
