@@ -98,8 +98,8 @@ def curved_16_bit():
 def test_kernel_equals_the_plain_version(sensor, times_s, gains):
     rng = np.random.default_rng(1)
     dtype = np.uint8 if sensor.white_dn <= 255 else np.uint16
-    # 23 × 37 pixels: three whole blocks and a part of one.
-    counts = rng.integers(0, int(sensor.white_dn) + 1, (len(times_s), 23, 37, 3)).astype(dtype)
+    # 41 × 401 pixels: one whole task of 32 blocks, and a part of a block.
+    counts = rng.integers(0, int(sensor.white_dn) + 1, (len(times_s), 41, 401, 3)).astype(dtype)
     bracket = bracket_of(counts, times_s, gains)
     image = merge_bracket(bracket, sensor)
     radiance, variance, clipped = merge_plainly(bracket, sensor)
