@@ -25,12 +25,7 @@ from capture.errors import InputError
 from capture.radiance import RadianceImage
 from lighting.blocks import BlockSums
 from lighting.environment import LUMINANCE_WEIGHTS
-from lighting.latlong import (
-    cell_directions,
-    direction_to_grid,
-    grid_to_direction,
-    solid_angles,
-)
+from lighting.latlong import cell_directions, direction_to_grid, grid_to_direction, solid_angles
 from lighting.pixel_grid import pixel_corners, pixel_illumination
 from lighting.pixel_moments import pixel_moments
 
