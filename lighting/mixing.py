@@ -2,7 +2,7 @@
 
 Input  : the lights shown last, and new ones.    Output : a share of each, as lights.
 Cost   : about 30 µs for 64 lights and 64, most of it in matching.py.
-Fails  : where no new light has any power, fading lights only dim, and never go out.
+Fails  : where no new light has any power, all others go out in one frame, shadows and all.
 """
 
 import numpy as np
@@ -16,7 +16,6 @@ from lighting.scenario import SUN_RADIUS_RAD
 
 Array = NDArray[np.float64]
 Lights = tuple[Array, Array, Array, NDArray[np.bool_]]
-"""Directions (K, 3), irradiance (K, 3), angular radii (K,), whether key lights (K,)."""
 
 MOST_FADING = 32
 """Lights that fade beside the new ones, at most."""
@@ -25,7 +24,7 @@ _FAINT = 0.1
 """Share of a mean new light's power below which a fading light goes out."""
 
 
-def mixed(last: LightSet, new: LightSet, share: float) -> Lights:
+def mixed(last: LightSet, new: LightSet, share: float) -> tuple[Lights, Array]:
     """Return 1 − share of the last lights and `share` of the new ones.
 
     Parameters
@@ -40,9 +39,12 @@ def mixed(last: LightSet, new: LightSet, share: float) -> Lights:
 
     Returns
     -------
-    directions, irradiance, angular_radius_rad, is_key
-        Of all lights, as in LightSet. The irradiances sum to 1 − share of the last sum and `share`
-        of the new one.
+    lights : tuple of arrays
+        Directions (K, 3), irradiance (K, 3), angular radii (K,), and whether key lights (K,), as in
+        LightSet. With what is left over, the irradiances sum to 1 − share of the last sum and
+        `share` of the new one.
+    left_over : (3,) float64
+        Irradiance of lights that went out without a new light to take it.
 
     Notes
     -----
@@ -50,9 +52,11 @@ def mixed(last: LightSet, new: LightSet, share: float) -> Lights:
     direction by its share of the power; but the share is larger if the turn is larger in radii of
     the light, up to 1 where the light has left the place it had. Lights without a match dim where
     they are. The faint ones, and the faintest of more than `MOST_FADING`, go out: what they have
-    left passes to the nearest new light.
+    left passes to the nearest new light. Where no new light has any power, all go out.
     """
-    return _mixed(*_arrays(last), *_arrays(new), share)
+    *lights, left_over = _mixed(*_arrays(last), *_arrays(new), share)
+    directions, irradiance, angular_radius_rad, is_key = lights
+    return (directions, irradiance, angular_radius_rad, is_key), left_over
 
 
 def _arrays(lights: LightSet) -> Lights:
@@ -83,6 +87,7 @@ def _mixed(  # type: ignore[no-untyped-def]
 
     mixed_directions, mixed_irradiance = np.zeros((end, 3)), np.zeros((end, 3))
     mixed_radius_rad, mixed_is_key = np.zeros(end), np.zeros(end, np.bool_)
+    left_over = np.zeros(3)
     for i in range(len(last_power)):
         mixed_directions[i] = last_directions[i]
         mixed_radius_rad[i], mixed_is_key[i] = last_radius_rad[i], last_is_key[i]
@@ -107,7 +112,10 @@ def _mixed(  # type: ignore[no-untyped-def]
             mixed_directions[i] = toward / np.sqrt((toward * toward).sum())
     for gone in np.flatnonzero(goes_out):
         heir = _nearest_lit(last_directions[gone], directions, power)
-        mixed_irradiance[place[heir]] += (1 - share) * last_irradiance[gone]
+        if heir >= 0:
+            mixed_irradiance[place[heir]] += (1 - share) * last_irradiance[gone]
+        else:
+            left_over += (1 - share) * last_irradiance[gone]
     while end > 0 and not mixed_irradiance[end - 1].any():
         end -= 1
     return (
@@ -115,6 +123,7 @@ def _mixed(  # type: ignore[no-untyped-def]
         mixed_irradiance[:end],
         mixed_radius_rad[:end],
         mixed_is_key[:end],
+        left_over,
     )
 
 
@@ -122,16 +131,14 @@ def _mixed(  # type: ignore[no-untyped-def]
 def _going_out(last_power, share, place, power):  # type: ignore[no-untyped-def]
     """Return which of the last lights go out, (M,) bool."""
     goes_out = np.zeros(len(last_power), np.bool_)
-    lit = np.count_nonzero(power > 0)
-    if lit == 0:
-        return goes_out
     is_fading = last_power > 0
     for i in place:
         if i >= 0:
             is_fading[i] = False
     fading = np.flatnonzero(is_fading)
     from_strongest = fading[np.argsort(-last_power[fading], kind="mergesort")]
-    faint = _FAINT * power.sum() / lit
+    lit = np.count_nonzero(power > 0)
+    faint = _FAINT * power.sum() / lit if lit else np.inf
     for rank, i in enumerate(from_strongest):
         goes_out[i] = rank >= MOST_FADING or (1 - share) * last_power[i] < faint
     return goes_out

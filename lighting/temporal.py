@@ -122,14 +122,18 @@ def steady(lights: LightSet, memory: Memory | None = None) -> tuple[LightSet, Me
     followed = np.clip((ratio - _WAVERS) / (_FOLLOWS - _WAVERS), 0.0, 1.0) ** 2
     least_share = -np.expm1(-interval_s / _SMOOTHING_S)
     share = float(least_share + (1 - least_share) * followed)
-    directions, irradiance, angular_radius_rad, is_key = mixed(last, lights, share)
+    if not lights.integral().any() or not last.integral().any():
+        share = 1.0  # there is nothing to mix with
+    (directions, irradiance, angular_radius_rad, is_key), left_over = mixed(last, lights, share)
+    fill = last.fill + share * (lights.fill - last.fill)
+    fill[0] += left_over / np.sqrt(4 * np.pi)
     shown = replace(
         lights,
         directions=directions,
         irradiance=irradiance,
         angular_radius_rad=angular_radius_rad,
         is_key=is_key,
-        fill=last.fill + share * (lights.fill - last.fill),
+        fill=fill,
         clipped_fraction=_clipped_fraction(last, lights, share),
     )
     return shown, Memory(shown, interval_s, smoothed, swing, memory.odd_times + is_odd)
