@@ -10,6 +10,8 @@ from capture.arrays import read_only
 RELATIVE = "relative"
 """Scale of radiance without an absolute calibration."""
 
+_INFINITY_BITS = np.float32(np.inf).view(np.uint32)
+
 
 @dataclass(frozen=True, eq=False)
 class RadianceImage:
@@ -45,14 +47,22 @@ class RadianceImage:
         for name in ("valid", "clipped"):
             mask = read_only(name, getattr(self, name), np.bool_, plane)
             object.__setattr__(self, name, mask)
-        low, high = radiance.min(initial=0), radiance.max(initial=0)
-        if not (low >= 0 and np.isfinite(high)):
-            raise ValueError("radiance must be finite and at least 0; clean_radiance() sees to it")
+        check_radiance(radiance)
 
     @property
     def size_px(self) -> tuple[int, int]:
         """(width, height)."""
         return self.radiance.shape[1], self.radiance.shape[0]
+
+
+def check_radiance(radiance: NDArray[np.float32]) -> None:
+    """Raise ValueError unless all values are finite and at least 0."""
+    # Bits of these are less than those of infinity, NaN and negative numbers (but −0 is allowed):
+    # one pass in place of two.
+    if radiance.view(np.uint32).max(initial=0) < _INFINITY_BITS:
+        return
+    if not (radiance.min() >= 0 and np.isfinite(radiance.max())):
+        raise ValueError("radiance must be finite and at least 0; clean_radiance() sees to it")
 
 
 @dataclass(frozen=True, eq=False)

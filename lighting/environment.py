@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.arrays import read_only
-from capture.radiance import RELATIVE
+from capture.radiance import RELATIVE, check_radiance
 from lighting.latlong import solid_angles
 
 LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
@@ -39,9 +39,7 @@ class EnvironmentMap:
         height, width = radiance.shape[:2]
         if width != 2 * height or height < 2:
             raise ValueError(f"an environment map must be (N, 2N, 3), got {radiance.shape}")
-        low, high = float(radiance.min()), float(radiance.max())
-        if not (low >= 0 and np.isfinite(high)):
-            raise ValueError("radiance must be finite and at least 0; clean_radiance() sees to it")
+        check_radiance(radiance)
         object.__setattr__(self, "radiance", radiance)
         for name in ("valid", "clipped"):
             mask = read_only(name, getattr(self, name), np.bool_, (height, width))

@@ -30,10 +30,19 @@ def test_what_is_infinite_in_float32_counts_as_infinite():
     assert str(cleaned) == "1 infinite"
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf, -1.0])
+@pytest.mark.parametrize("value", [np.nan, -np.nan, np.inf, -np.inf, -1.0, -1e-45])
 def test_an_image_takes_only_clean_radiance(value):
     picture = np.ones((1, 2, 3), np.float32)
     picture[0, 1, 2] = value
     mask = np.ones((1, 2), bool)
     with pytest.raises(ValueError, match="clean_radiance"):
         RadianceImage(picture, np.zeros_like(picture), mask, ~mask)
+
+
+@pytest.mark.parametrize("value", [-0.0, 0.0, 1e-45, np.finfo(np.float32).max])
+def test_an_image_takes_any_number_from_0_up(value):
+    picture = np.full((1, 2, 3), value, np.float32)
+    mask = np.ones((1, 2), bool)
+    np.testing.assert_array_equal(
+        RadianceImage(picture, np.zeros_like(picture), mask, ~mask).radiance, picture
+    )
