@@ -9,10 +9,11 @@ lights are added, and none ever moves.
 Domain : world frame, lat-long grid (CONVENTIONS.md), luminance constant over each block of its
          cells (summed_area.py). Unseen cells count as what they hold.
 Input  : EnvironmentMap.    Output : directions, irradiance and angular radius of each light.
-Cost   : one pass over the map and one over its blocks; blocks more than about fifty times brighter
-         than the mean are searched one by one. The tiling is made once for each size of map.
+Cost   : one pass over the map and one over its blocks; blocks so bright that they want points beyond
+         the table are searched one by one. The tiling is made once for each size of map.
 Fails  : what changes makes lights appear and vanish, at full power
-         (tests/limits/test_penrose_popping.py); the chart squeezes the spread of points near ±Y;
+         (tests/limits/test_penrose_popping.py); for irradiance the spread is no better than random
+         points' in strata, and twice as far off as inverse_cdf.py's; the chart squeezes the spread of points near ±Y;
          colour is as coarse as lights are few.
 
 References
