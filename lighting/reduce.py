@@ -11,10 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import InputError
+from lighting.block_grid import BlockGrid, block_grid
 from lighting.blocks import BlockSums
 from lighting.environment import LUMINANCE_WEIGHTS, EnvironmentMap, luminance
 from lighting.latlong import solid_angles
 from lighting.light_set import LightSet
+from lighting.methods.adaptive import (
+    Memory,
+    Reduced,
+    adaptive,
+    adaptive_next,
+    adaptive_of_blocks,
+)
 from lighting.methods.cells import cells, cells_of_blocks
 from lighting.methods.hierarchical import hierarchical
 from lighting.methods.inverse_cdf import inverse_cdf
@@ -33,12 +41,15 @@ from lighting.methods.variance_minimisation import (
     variance_minimisation,
     variance_minimisation_of_blocks,
 )
+from lighting.summed_area import block_sums
 
 Array = NDArray[np.float64]
 Lights = tuple[Array, Array, Array]
 """Directions (K, 3), irradiance (K, 3) and angular radii (K,)."""
-Method = Callable[[EnvironmentMap, int], Lights]
-BlockMethod = Callable[[Array, int], Lights]
+Method = Callable[[EnvironmentMap, int], Lights | Reduced]
+BlockMethod = Callable[[Array, int], Lights | Reduced]
+
+ADAPTIVE = "adaptive"
 
 METHODS: Mapping[str, Method] = {
     "inverse-cdf": inverse_cdf,
@@ -52,6 +63,7 @@ METHODS: Mapping[str, Method] = {
     "penrose": penrose,
     "q2-tree": q2_tree,
     "cells": cells,
+    ADAPTIVE: adaptive,
 }
 
 BLOCK_METHODS: Mapping[str, BlockMethod] = {
@@ -61,6 +73,7 @@ BLOCK_METHODS: Mapping[str, BlockMethod] = {
     "kollig-keller": kollig_keller_of_blocks,
     "q2-tree": q2_tree_of_blocks,
     "cells": cells_of_blocks,
+    ADAPTIVE: adaptive_of_blocks,
 }
 """Those of `METHODS` that take block sums (rows, columns, 7) too."""
 
@@ -71,12 +84,13 @@ MOST_LIGHTS = 65536
 def reduce_to_lights(
     environment: EnvironmentMap,
     count: int,
-    method: str = "inverse-cdf",
+    method: str = ADAPTIVE,
     *,
+    error: float | None = None,
     timestamp_s: float = 0.0,
     source: str = "",
 ) -> LightSet:
-    """Return `count` distant lights whose irradiances sum to the map's integral.
+    """Return `count` distant lights that, with their fill, hold all the light of a map.
 
     Parameters
     ----------
@@ -86,6 +100,9 @@ def reduce_to_lights(
         hold all the light, none for a map without light.
     method : str
         A key of `METHODS`.
+    error : float or None
+        With the adaptive method: as few lights as are predicted to err by no more than this behind
+        occluders, relatively, and at most `count`.
     timestamp_s : float
         Moment of the map.
     source : str
@@ -94,64 +111,100 @@ def reduce_to_lights(
     Raises
     ------
     InputError
-        If the count is out of range or the method unknown.
+        If the count or the error is out of range, or the method is unknown or cannot be asked for
+        an error.
     """
-    _check(count, method, METHODS, "method")
-    directions, irradiance, angular_radius_rad = METHODS[method](environment, count)
-    made = f"{len(directions)} lights by {method}"
-    return LightSet(
-        directions,
-        irradiance,
-        angular_radius_rad,
-        timestamp_s=timestamp_s,
-        clipped_fraction=_clipped_fraction(environment, irradiance.sum(axis=0)),
-        scale=environment.scale,
-        source=f"{source}: {made}" if source else made,
-    )
+    return reduce_next(
+        environment, count, method, error=error, timestamp_s=timestamp_s, source=source
+    )[0]
 
 
 def reduce_blocks_to_lights(
     blocks: BlockSums,
     count: int,
-    method: str = "cells",
+    method: str = ADAPTIVE,
     *,
+    error: float | None = None,
     timestamp_s: float = 0.0,
     source: str = "",
 ) -> LightSet:
-    """Return `count` distant lights whose irradiances sum to the integral over all blocks.
+    """Return what `reduce_to_lights` does, for a key of `BLOCK_METHODS` and without a map."""
+    return reduce_next(blocks, count, method, error=error, timestamp_s=timestamp_s, source=source)[
+        0
+    ]
 
-    What `reduce_to_lights` does, for a key of `BLOCK_METHODS` and without a map.
+
+def reduce_next(
+    view: EnvironmentMap | BlockSums,
+    count: int,
+    method: str = ADAPTIVE,
+    memory: Memory | None = None,
+    *,
+    error: float | None = None,
+    timestamp_s: float = 0.0,
+    source: str = "",
+) -> tuple[LightSet, Memory | None]:
+    """Return the lights of the next frame of a sequence, and what to remember of it.
+
+    What `reduce_to_lights` and `reduce_blocks_to_lights` do, with the memory that the frame before
+    left, of a view of the same size. Only the adaptive method has one.
 
     Raises
     ------
     InputError
-        If the count is out of range or the method is not one that takes blocks.
+        As `reduce_to_lights`.
     """
-    _check(count, method, BLOCK_METHODS, "method for block sums")
-    directions, irradiance, angular_radius_rad = BLOCK_METHODS[method](blocks.sums, count)
-    made = f"{len(directions)} lights by {method}"
-    return LightSet(
-        directions,
-        irradiance,
-        angular_radius_rad,
-        timestamp_s=timestamp_s,
-        clipped_fraction=blocks.clipped_fraction,
-        scale=blocks.scale,
-        source=f"{source}: {made}" if source else made,
-    )
-
-
-def _check(count: int, method: str, methods: Iterable[str], kind: str) -> None:
     if not 1 <= count <= MOST_LIGHTS:
         raise InputError(f"the number of lights must be 1 to {MOST_LIGHTS}, got {count}")
-    if method not in methods:
-        raise InputError(f"no {kind} is called {method!r}; there are: {', '.join(methods)}")
+    if error is not None and not 0 < error < 1:
+        raise InputError(f"the error to be met must be between 0 and 1, got {error:g}")
+    if error is not None and method != ADAPTIVE:
+        raise InputError(f"only the {ADAPTIVE} method can be asked for an error, not {method!r}")
+    is_map = isinstance(view, EnvironmentMap)
+    known: Iterable[str] = METHODS if is_map else BLOCK_METHODS
+    if method not in known:
+        kind = "method" if is_map else "method for block sums"
+        raise InputError(f"no {kind} is called {method!r}; there are: {', '.join(known)}")
+
+    if method == ADAPTIVE:
+        blocks, grid = _blocks_of(view)
+        reduced, memory = adaptive_next(blocks, grid, count, error=error, memory=memory)
+    elif isinstance(view, BlockSums):
+        reduced = Reduced(*BLOCK_METHODS[method](view.sums, count))
+    else:
+        reduced = Reduced(*METHODS[method](view, count))
+    key_count = reduced.key_count
+    made = f"{len(reduced.directions)} lights by {method}"
+    if key_count:
+        made += f", {key_count} of them key lights"
+    lights = LightSet(
+        reduced.directions,
+        reduced.irradiance,
+        reduced.angular_radius_rad,
+        timestamp_s=timestamp_s,
+        clipped_fraction=_clipped_fraction(view),
+        scale=view.scale,
+        source=f"{source}: {made}" if source else made,
+        is_key=np.arange(len(reduced.directions)) < key_count,
+        fill=reduced.fill,
+        predicted_error=reduced.predicted_error,
+        block_rows=reduced.block_rows,
+    )
+    return lights, memory
 
 
-def _clipped_fraction(environment: EnvironmentMap, integral: Array) -> float:
-    """Return the share of the luminance of `integral` (3,) that lies in clipped cells."""
-    cells = np.flatnonzero(environment.clipped)
-    rows = cells // environment.clipped.shape[1]
-    light = luminance(environment.radiance.reshape(-1, 3)[cells])
-    clipped = float(light @ solid_angles(environment.height)[rows])
-    return min(clipped / float(integral @ LUMINANCE_WEIGHTS), 1.0) if clipped else 0.0
+def _blocks_of(view: EnvironmentMap | BlockSums) -> tuple[Array, BlockGrid]:
+    if isinstance(view, BlockSums):
+        return view.sums, block_grid(view.rows)
+    return block_sums(view.radiance), block_grid(view.height)
+
+
+def _clipped_fraction(view: EnvironmentMap | BlockSums) -> float:
+    """Return the share of the luminance that comes from clipped cells or pixels."""
+    if isinstance(view, BlockSums):
+        return view.clipped_fraction
+    cells = np.flatnonzero(view.clipped)
+    rows = cells // view.clipped.shape[1]
+    light = luminance(view.radiance.reshape(-1, 3)[cells])
+    clipped = float(light @ solid_angles(view.height)[rows])
+    return min(clipped / float(view.integral() @ LUMINANCE_WEIGHTS), 1.0) if clipped else 0.0

@@ -77,13 +77,13 @@ def test_what_is_written_is_read_back_bit_for_bit(
 
 def test_the_file_says_what_its_numbers_mean(tmp_path):
     path = tmp_path / "lights.json"
-    write_lights(path, reduce_to_lights(constant(), 3, source="map.exr", timestamp_s=1.5))
+    write_lights(path, reduce_to_lights(constant(), 3, "cells", source="map.exr", timestamp_s=1.5))
     content = json.loads(path.read_text())
     assert content["schema"] == "fishlight-lights/1"
     assert content["coordinate_frame"].startswith("world: right-handed, +Y up")
     assert content["colour_space"] == "linear Rec.709"
     assert content["scale"] == "relative"
-    assert content["source"] == "map.exr: 3 lights by inverse-cdf"
+    assert content["source"] == "map.exr: 3 lights by cells"
     assert content["timestamp_s"] == 1.5
     assert content["clipped_fraction"] == 0
     assert [set(light) for light in content["lights"]] == [LIGHT_KEYS] * 3
@@ -91,7 +91,7 @@ def test_the_file_says_what_its_numbers_mean(tmp_path):
 
 def test_the_file_has_a_light_a_line(tmp_path):
     path = tmp_path / "lights.json"
-    write_lights(path, reduce_to_lights(outdoors(8), 5))
+    write_lights(path, reduce_to_lights(outdoors(8), 5, "cells"))
     lines = path.read_text().splitlines()
     assert sum('"direction"' in line for line in lines) == 5
 
@@ -106,7 +106,7 @@ def test_a_map_without_light_is_a_file_without_lights(tmp_path):
 def test_an_existing_file_stays_unless_forced(tmp_path):
     path = write_json(tmp_path / "lights.json")
     before = path.read_text()
-    lights = reduce_to_lights(constant(), 3)
+    lights = reduce_to_lights(constant(), 3, "cells")
     with pytest.raises(InputError, match="--force"):
         write_lights(path, lights)
     assert path.read_text() == before
@@ -225,4 +225,4 @@ def test_the_order_of_a_fill_is_its_highest_degree(degree):
 
 
 def test_a_set_without_fill_has_no_order():
-    assert reduce_to_lights(constant(), 3).fill_order is None
+    assert reduce_to_lights(constant(), 3, "cells").fill_order is None

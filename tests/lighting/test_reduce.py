@@ -16,13 +16,24 @@ def test_a_count_out_of_range_is_refused(count):
         reduce_to_lights(constant(), count)
 
 
+@pytest.mark.parametrize("error", [0, -0.1, 1, np.nan])
+def test_an_error_out_of_range_is_refused(error):
+    with pytest.raises(InputError, match="between 0 and 1"):
+        reduce_to_lights(constant(), 4, error=error)
+
+
+def test_only_the_adaptive_method_can_be_asked_for_an_error():
+    with pytest.raises(InputError, match="only the adaptive method.*'cells'"):
+        reduce_to_lights(constant(), 4, "cells", error=0.1)
+
+
 def test_an_unknown_method_is_refused_with_the_known_ones():
     with pytest.raises(InputError, match=r"'median'.*inverse-cdf"):
         reduce_to_lights(constant(), 4, "median")
 
 
 def test_the_largest_count_is_served():
-    assert len(reduce_to_lights(outdoors(16), 65536)) == 65536
+    assert len(reduce_to_lights(outdoors(16), 65536, "inverse-cdf")) == 65536
 
 
 def test_clipped_fraction_is_the_share_of_the_light_from_clipped_cells():
@@ -47,14 +58,14 @@ def test_unseen_cells_count_as_what_they_hold():
     nothing = np.zeros((8, 16), bool)
     lights = reduce_to_lights(EnvironmentMap(radiance, nothing, nothing), 4)
     expected = 16 * solid_angles(8).sum()
-    np.testing.assert_allclose(lights.irradiance.sum(axis=0), expected)
+    np.testing.assert_allclose(lights.integral(), expected)
 
 
 def test_marks_of_the_map_travel_with_the_lights():
     seen = np.ones((8, 16), bool)
     radiance = np.ones((8, 16, 3), np.float32)
     environment_map = EnvironmentMap(radiance, seen, ~seen, scale="W·sr⁻¹·m⁻²")
-    lights = reduce_to_lights(environment_map, 4, timestamp_s=2.5, source="a.exr")
+    lights = reduce_to_lights(environment_map, 4, "cells", timestamp_s=2.5, source="a.exr")
     assert lights.scale == "W·sr⁻¹·m⁻²"
     assert lights.timestamp_s == 2.5
-    assert lights.source == "a.exr: 4 lights by inverse-cdf"
+    assert lights.source == "a.exr: 4 lights by cells"

@@ -1,0 +1,163 @@
+"""The fill: the smooth light of a map, in harmonics of order 2 or less, that needs no light.
+
+The fill lies under the map, as far as a few coefficients can: a least-squares fit in which being
+too bright weighs more than being too dark. Lights then stand for the rest.
+
+Domain : world frame; blocks of a lat-long grid (summed_area.py, block_grid.py).
+Cost   : nine small fits over at most 512 coarse blocks.
+Fails  : where the map is dark in one place, a wall or a ground without light, the fill is either
+         dark everywhere or too bright there; `overshoot_weight` says which.
+
+References
+----------
+.. [1] W. K. Newey, J. L. Powell, "Asymmetric Least Squares Estimation and Testing", Econometrica,
+       1987: expectiles by reweighting.
+.. [2] O. Karlík, M. Šik, P. Vévoda, T. Skřivan, J. Křivánek, "MIS Compensation", SIGGRAPH Asia,
+       2019: lights for what is above the mean, something smooth for the rest.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lighting import harmonics
+from lighting.block_grid import BlockGrid, coarsened
+from lighting.environment import LUMINANCE_WEIGHTS
+
+Array = NDArray[np.float64]
+
+FIT_ROWS = 16
+"""Rows of the coarse blocks that the fill is fitted to."""
+_ROUNDS = 8
+_BRIGHTEST = 4.0
+"""Blocks count as at most this many times the mean: what is brighter is no matter of the fill."""
+_RIDGE = 1e-12
+
+
+@dataclass(frozen=True)
+class FillShape:
+    """What a fill may be.
+
+    Attributes
+    ----------
+    order : int
+        Highest degree, 0 to 2.
+    overshoot_weight : float
+        Weight of being too bright against being too dark, above 1.
+    """
+
+    order: int
+    overshoot_weight: float
+
+
+def fit_fill(blocks: Array, grid: BlockGrid, shape: FillShape) -> Array:
+    """Return coefficients (9, 3) of the fill of a map, nowhere negative.
+
+    Parameters
+    ----------
+    blocks : (rows, columns, 7) float64
+    grid : BlockGrid
+        Of these blocks.
+    shape : FillShape
+    """
+    coarse = grid.coarser(FIT_ROWS)
+    solid_angle = coarse.area[..., 0].ravel()
+    count = (shape.order + 1) ** 2
+    functions = np.ascontiguousarray(coarse.functions.reshape(-1, harmonics.COUNT)[:, :count])
+    radiance = coarsened(blocks, FIT_ROWS)[..., 4:].reshape(-1, 3) / solid_angle[:, None]
+    coefficients = np.zeros((harmonics.COUNT, 3))
+    coefficients[:count] = _asymmetric_fit(functions, solid_angle, radiance, shape.overshoot_weight)
+    coefficients[:, coefficients[0] <= 0] = 0.0
+    return harmonics.windowed(coefficients)
+
+
+def less_fill(blocks: Array, grid: BlockGrid, fill: Array) -> tuple[Array, Array]:
+    """Return what a fill leaves of blocks to the lights.
+
+    Returns
+    -------
+    rest : (rows, columns, 7) float64
+        The blocks less those of the fill; below 0 where the fill is brighter.
+    positive : (rows, columns, 4) float64
+        ∫Y dω and ∫Y d dω of the blocks, each coarse block with the share of its luminance that the
+        fill does not take, none where that is negative. Signs are told over coarse blocks, so that
+        noise and texture are not rectified into light.
+    """
+    rest = np.empty_like(blocks)
+    _subtract(blocks, grid.area, grid.functions, fill, rest)
+    factor = -(-grid.rows // FIT_ROWS)
+    before, left = coarsened(blocks[..., :1], FIT_ROWS), coarsened(rest[..., :1], FIT_ROWS)
+    share = np.divide(np.maximum(left, 0), before, out=np.zeros_like(left), where=before > 0)
+    positive = np.empty((*blocks.shape[:2], 4))
+    _keep_share(blocks, share[..., 0], factor, positive)
+    return rest, positive
+
+
+@njit(cache=True, nogil=True)
+def _subtract(blocks, area, functions, fill, rest):  # type: ignore[no-untyped-def]
+    red, green, blue = LUMINANCE_WEIGHTS
+    rows, columns, count = functions.shape
+    for r in range(rows):
+        for c in range(columns):
+            fill_r = fill_g = fill_b = 0.0
+            for k in range(count):
+                fill_r += functions[r, c, k] * fill[k, 0]
+                fill_g += functions[r, c, k] * fill[k, 1]
+                fill_b += functions[r, c, k] * fill[k, 2]
+            luminance = red * fill_r + green * fill_g + blue * fill_b
+            for k in range(4):
+                rest[r, c, k] = blocks[r, c, k] - luminance * area[r, c, k]
+            rest[r, c, 4] = blocks[r, c, 4] - fill_r * area[r, c, 0]
+            rest[r, c, 5] = blocks[r, c, 5] - fill_g * area[r, c, 0]
+            rest[r, c, 6] = blocks[r, c, 6] - fill_b * area[r, c, 0]
+
+
+@njit(cache=True, nogil=True)
+def _keep_share(blocks, share, factor, positive):  # type: ignore[no-untyped-def]
+    for r in range(len(blocks)):
+        for c in range(blocks.shape[1]):
+            part = share[r // factor, c // factor]
+            for k in range(4):
+                positive[r, c, k] = part * blocks[r, c, k]
+
+
+@njit(cache=True, nogil=True)
+def _asymmetric_fit(functions, solid_angle, radiance, overshoot_weight):  # type: ignore[no-untyped-def]
+    """Return coefficients (k, C) of the weighted fits, each channel by itself."""
+    number, count = functions.shape
+    channels = radiance.shape[1]
+    coefficients = np.zeros((count, channels))
+    total = solid_angle.sum()
+    values = np.empty(number)
+    for channel in range(channels):
+        most = _BRIGHTEST * (radiance[:, channel] * solid_angle).sum() / total
+        if most == 0.0:
+            continue
+        for i in range(number):
+            values[i] = min(radiance[i, channel], most)
+        fit = np.full(number, -np.inf)
+        normal = np.empty((count, count))
+        right = np.empty(count)
+        for _ in range(_ROUNDS):
+            normal[:] = 0.0
+            right[:] = 0.0
+            for i in range(number):
+                weight = solid_angle[i] * (overshoot_weight if fit[i] > values[i] else 1.0)
+                for k in range(count):
+                    weighted = weight * functions[i, k]
+                    right[k] += weighted * values[i]
+                    for m in range(k + 1):
+                        normal[k, m] += weighted * functions[i, m]
+            for k in range(count):
+                normal[k, k] += _RIDGE
+                for m in range(k):
+                    normal[m, k] = normal[k, m]
+            solution = np.linalg.solve(normal, right)
+            for i in range(number):  # BLAS would wake its threads for this
+                fit[i] = 0.0
+                for k in range(count):
+                    fit[i] += functions[i, k] * solution[k]
+        coefficients[:, channel] = solution
+    return coefficients
