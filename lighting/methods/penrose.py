@@ -12,9 +12,8 @@ Input  : EnvironmentMap.    Output : directions, irradiance and angular radius o
 Cost   : one pass over the map and one over its blocks; blocks so bright that they want points beyond
          the table are searched one by one. The tiling is made once for each size of map.
 Fails  : what changes makes lights appear and vanish, at full power
-         (tests/limits/test_penrose_popping.py); for irradiance the spread is no better than random
-         points' in strata, and twice as far off as inverse_cdf.py's; the chart squeezes the spread of points near ±Y;
-         colour is as coarse as lights are few.
+         (tests/limits/test_penrose_popping.py); irradiance is twice as far off as inverse_cdf.py's;
+         the chart squeezes the spread of points near ±Y; colour is as coarse as lights are few.
 
 References
 ----------
