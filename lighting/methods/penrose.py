@@ -6,11 +6,11 @@ demand for points at a place is k times its luminance; a point is kept if its nu
 So a point appears at a certain k, and those `count` that appear first are the lights: as k grows
 lights are added, and none ever moves.
 
-Domain : world frame, lat-long grid (CONVENTIONS.md), luminance constant over each block of its
-         cells (summed_area.py). Unseen cells count as what they hold.
+Domain : world frame, lat-long grid (CONVENTIONS.md), luminance constant over each block of cells
+         (summed_area.py). Unseen cells count as what they hold.
 Input  : EnvironmentMap.    Output : directions, irradiance and angular radius of each light.
-Cost   : one pass over the map and one over its blocks; blocks so bright that they want points beyond
-         the table are searched one by one. The tiling is made once for each size of map.
+Cost   : one pass over the map and one over its blocks; blocks so bright that they want points
+         beyond the table are searched one by one. The tiling is made once for each size of map.
 Fails  : what changes makes lights appear and vanish, at full power
          (tests/limits/test_penrose_popping.py); irradiance is twice as far off as inverse_cdf.py's;
          the chart squeezes the spread of points near ±Y; colour is as coarse as lights are few.
