@@ -23,7 +23,7 @@ def test_an_error_out_of_range_is_refused(error):
 
 
 def test_only_the_adaptive_method_can_be_asked_for_an_error():
-    with pytest.raises(InputError, match="only the adaptive method.*'cells'"):
+    with pytest.raises(InputError, match=r"only the adaptive method.*'cells'"):
         reduce_to_lights(constant(), 4, "cells", error=0.1)
 
 
