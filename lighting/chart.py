@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 from statistics import fmean, median
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -30,10 +31,11 @@ from lighting.environment import EnvironmentMap
 from lighting.error_measures import behind_occluders, errors, truth
 from lighting.light_set import LightSet
 from lighting.peers import Peer, installed_peers
-from lighting.reduce import METHODS, reduce_to_lights
+from lighting.reduce import METHODS, reduce_next
 
 Array = NDArray[np.float64]
-System = Callable[[EnvironmentMap, int], LightSet]
+System = Callable[[EnvironmentMap, int, Any], tuple[LightSet, Any]]
+"""From a map, a count and what the frame before left, if any, to lights and what to remember."""
 
 FLICKER = "flicker"
 """The figure of flicker.py."""
@@ -76,7 +78,7 @@ class _File(msgspec.Struct):
 def systems() -> tuple[dict[str, System], list[str]]:
     """Return every method and installed peer by name, and the names of peers not installed."""
     peers, missing = installed_peers()
-    ours: dict[str, System] = {name: partial(_reduced, method=name) for name in METHODS}
+    ours: dict[str, System] = {name: partial(_reduced, name) for name in METHODS}
     return ours | {name: partial(_lights_of, peer) for name, peer in peers.items()}, missing
 
 
@@ -219,7 +221,7 @@ def _on_map(
     true = cache(partial(truth, environment))  # found when first needed: it takes seconds
 
     def measured(name: str, count: int) -> Measurement:
-        lights, ms = _timed(partial(compared[name], environment, count))
+        lights, ms = _timed(lambda: compared[name](environment, count, None)[0])
         return Measurement(map_name, name, count, len(lights), ms, _figures(lights, true()))
 
     return measured
@@ -249,12 +251,16 @@ def _timed(call: Callable[[], LightSet]) -> tuple[LightSet, float]:
     return lights, 1e3 * min(times_s[1:])
 
 
-def _reduced(environment: EnvironmentMap, count: int, *, method: str) -> LightSet:
-    return reduce_to_lights(environment, count, method)
+def _reduced(
+    method: str, environment: EnvironmentMap, count: int, memory: Any
+) -> tuple[LightSet, Any]:
+    return reduce_next(environment, count, method, memory)
 
 
-def _lights_of(peer: Peer, environment: EnvironmentMap, count: int) -> LightSet:
-    return LightSet(*peer(environment, count))
+def _lights_of(
+    peer: Peer, environment: EnvironmentMap, count: int, _memory: Any
+) -> tuple[LightSet, None]:
+    return LightSet(*peer(environment, count)), None
 
 
 @cache

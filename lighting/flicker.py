@@ -1,10 +1,10 @@
 """How much the lights of each system flicker on skies that change: the chart's last figure.
 
-A sequence of sequences.py is reduced frame by frame, each by itself. What surfaces behind the
-sphere of error_measures.py receive from the lights as points may change as much as what they
-receive from the maps that the lights were made of. What it changes more is flicker: the root mean
-square over the frames of steadiness.excess_change. Noise and mains that the maps have are not
-charged to the lights, only what the lights add.
+A sequence of sequences.py is reduced frame by frame, with what a system remembers of the frame
+before. What surfaces behind the sphere of error_measures.py receive from the lights as points may
+change as much as what they receive from the maps that the lights were made of. What it changes
+more is flicker: the root mean square over the frames of steadiness.excess_change. Noise and mains
+that the maps have are not charged to the lights, only what the lights add.
 
 Input  : systems of chart.py.    Output : a measurement for each sequence, system and count.
 Cost   : on two cores about a minute and a half for all sequences and counts.
@@ -59,11 +59,12 @@ def _on_sequence(
 
     def measured(name: str, count: int) -> Measurement:
         maps, true = maps_and_light()
-        sets, times_ms = [], []
+        sets, times_ms, memory = [], [], None
         for environment in maps:
             start = time.perf_counter()
-            sets.append(compared[name](environment, count))
+            lights, memory = compared[name](environment, count, memory)
             times_ms.append(1e3 * (time.perf_counter() - start))
+            sets.append(lights)
         light = np.array([received(sphere, lights, as_points=True) for lights in sets])
         flicker = float(np.sqrt(np.mean(excess_change(light, true) ** 2)))
         most = max(len(lights) for lights in sets)

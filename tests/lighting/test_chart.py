@@ -1,6 +1,7 @@
 """The chart's data: what is measured, remembered, summarised and drawn."""
 
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +12,6 @@ from lighting import chart, flicker
 from lighting.chart import FLICKER, Measurement, Point, as_csv, pareto_front, points_of
 from lighting.chart_drawing import THEMES, draw
 from lighting.error_measures import errors, received, received_from_map, standard_receivers, truth
-from lighting.light_set import LightSet
 from lighting.reduce import METHODS, reduce_to_lights
 from lighting.sequences import SEQUENCES, frames
 from tests.environments import constant, outdoors
@@ -23,9 +23,9 @@ class Counted:
     def __init__(self):
         self.calls = 0
 
-    def __call__(self, environment, count):
+    def __call__(self, environment, count, memory):
         self.calls += 1
-        return reduce_to_lights(environment, count, "cells")
+        return reduce_to_lights(environment, count, "cells"), memory
 
 
 def measured(system="a", count=4, ms=1.0, map_name="m", **figures):
@@ -155,12 +155,12 @@ def test_flicker_is_what_lights_change_more_than_the_map(monkeypatch):
 
     maps = [timed.environment for timed in frames(SEQUENCES[name], flicker.ROWS, flicker.FRAMES)]
     first = reduce_to_lights(maps[0], 16, "cells")
-    assert of(lambda _environment, _count: first) == 0
+    assert of(lambda *_arguments: (first, None)) == 0
     # Lights that swing by a tenth change by a fifth from frame to frame.
     swing = iter([0.9, 1.1] * (flicker.FRAMES // 2))
 
-    def swinging(_environment, _count):
-        return LightSet(first.directions, next(swing) * first.irradiance, first.angular_radius_rad)
+    def swinging(*_arguments):
+        return replace(first, irradiance=next(swing) * first.irradiance), None
 
     true = np.array([received_from_map(sphere, environment_map) for environment_map in maps])
     mean = np.sqrt(np.mean(true**2))
@@ -170,12 +170,24 @@ def test_flicker_is_what_lights_change_more_than_the_map(monkeypatch):
     assert of(swinging) == pytest.approx(expected, rel=1e-6)
 
 
+def test_a_system_gets_what_it_remembered_of_the_frame_before(monkeypatch):
+    monkeypatch.setattr(flicker, "ROWS", 8)
+    name, remembered = "two suns", []
+
+    def counting(environment_map, count, memory):
+        remembered.append(memory)
+        return reduce_to_lights(environment_map, count, "cells"), len(remembered)
+
+    list(flicker.measure({name: SEQUENCES[name]}, {"counting": counting}, [4], {}))
+    assert remembered == [None, *range(1, flicker.FRAMES)]
+
+
 def test_lights_that_stand_still_do_not_flicker(monkeypatch):
     monkeypatch.setattr(flicker, "ROWS", 8)
     name = "still, 1 % noise"
     [row] = flicker.measure(
         {name: SEQUENCES[name]},
-        {"same": lambda _environment, count: reduce_to_lights(constant(8), count)},
+        {"same": lambda _environment, count, _memory: (reduce_to_lights(constant(8), count), None)},
         [4],
         {},
     )
