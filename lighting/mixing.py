@@ -1,7 +1,7 @@
 """Two sets of lights mixed into one, in which a light stays where it was in the first.
 
 Input  : the lights shown last, and new ones.    Output : a share of each, as lights.
-Cost   : about 30 µs for 64 lights and 64, most of it in matching.py.
+Cost   : about 30 µs for 64 lights and 64, half of it in matching.py.
 Fails  : where no new light has any power, all others go out in one frame, shadows and all.
 """
 
@@ -87,29 +87,29 @@ def _mixed(  # type: ignore[no-untyped-def]
 
     mixed_directions, mixed_irradiance = np.zeros((end, 3)), np.zeros((end, 3))
     mixed_radius_rad, mixed_is_key = np.zeros(end), np.zeros(end, np.bool_)
-    left_over = np.zeros(3)
     for i in range(len(last_power)):
         mixed_directions[i] = last_directions[i]
         mixed_radius_rad[i], mixed_is_key[i] = last_radius_rad[i], last_is_key[i]
         if not goes_out[i]:
-            # Written so that light which stays the same does so to the last bit.
-            mixed_irradiance[i] = last_irradiance[i] + share * (0 - last_irradiance[i])
+            mixed_irradiance[i] = (1 - share) * last_irradiance[i]
     for j in np.flatnonzero(power > 0):
         i = place[j]
         if is_new[j]:
             mixed_directions[i], mixed_irradiance[i] = directions[j], share * irradiance[j]
             mixed_radius_rad[i], mixed_is_key[i] = radius_rad[j], is_key[j]
             continue
+        # Written so that light which stays the same does so to the last bit.
         mixed_irradiance[i] = last_irradiance[i] + share * (irradiance[j] - last_irradiance[i])
-        chord = directions[j] - last_directions[i]
-        turn_rad = np.sqrt((chord * chord).sum())
-        reach_rad = max(last_radius_rad[i], radius_rad[j], SUN_RADIUS_RAD)
-        part = min(max(share, turn_rad / reach_rad), 1.0)
-        mixed_radius_rad[i] += part * (radius_rad[j] - last_radius_rad[i])
-        if turn_rad > 0:
-            of_new = part * power[j]
-            toward = last_directions[i] + of_new / ((1 - part) * last_power[i] + of_new) * chord
-            mixed_directions[i] = toward / np.sqrt((toward * toward).sum())
+        mixed_radius_rad[i] = _turn(
+            mixed_directions[i],
+            last_radius_rad[i],
+            last_power[i],
+            directions[j],
+            radius_rad[j],
+            power[j],
+            share,
+        )
+    left_over = np.zeros(3)
     for gone in np.flatnonzero(goes_out):
         heir = _nearest_lit(last_directions[gone], directions, power)
         if heir >= 0:
@@ -125,6 +125,20 @@ def _mixed(  # type: ignore[no-untyped-def]
         mixed_is_key[:end],
         left_over,
     )
+
+
+@njit(cache=True, nogil=True)
+def _turn(direction, radius_rad, power, to_direction, to_radius_rad, to_power, share):  # type: ignore[no-untyped-def]
+    """Turn `direction`, in place, part of the way to that of its match; return its new radius."""
+    chord = to_direction - direction
+    turn_rad = np.sqrt((chord * chord).sum())
+    reach_rad = max(radius_rad, to_radius_rad, SUN_RADIUS_RAD)
+    part = min(max(share, turn_rad / reach_rad), 1.0)
+    if turn_rad > 0:
+        arriving = part * to_power
+        direction += arriving / ((1 - part) * power + arriving) * chord
+        direction /= np.sqrt((direction * direction).sum())
+    return radius_rad + part * (to_radius_rad - radius_rad)
 
 
 @njit(cache=True, nogil=True)
