@@ -1,7 +1,7 @@
 """Spherical Q2-tree: a quadtree of curved quadrilaterals of equal area, parted where it matters.
 
-The sphere is twelve quadrilaterals of equal area, each is four, and so on without end: the grid
-HEALPix [2]_, which the tree [1]_ is built on. The quadrilateral that matters most is parted next; a
+The sphere is twelve quadrilaterals of equal area, each is four, and so on without end: the grid of
+HEALPix [2]_ under the tree of [1]_. The quadrilateral that matters most is parted next; a
 leaf is one light, all that its blocks hold. Quadrilaterals stand where they do whatever the map
 shows, so light that changes in one place leaves the lights of other leaves as they are.
 
