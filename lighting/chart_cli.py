@@ -9,7 +9,7 @@ from capture.arguments import Output
 from capture.errors import InputError
 from capture.output import refuse_existing, write_text
 from capture.progress import progress
-from lighting import chart, flicker
+from lighting import chart
 from lighting.environment import EnvironmentMap
 from lighting.environment_files import read_environment
 from lighting.outdoors import outdoors
@@ -47,6 +47,10 @@ def chart_lights(
     force
         Replace the charts of an earlier run.
     """
+    # Here, so that no other command waits a second for matplotlib and scipy.
+    from lighting import flicker
+    from lighting.chart_drawing import draw
+
     maps = _read_maps(environments)
     if output.exists() and not output.is_dir():
         raise InputError(f"{output} is a file; give --output a folder")
@@ -74,9 +78,6 @@ def chart_lights(
         flickers = [row for row in progress(on_sequences, "flicker", flicker_jobs) if row]
     finally:  # an interrupted run is not measured again either
         chart.write_known(known_path, known)
-
-    # Here, because matplotlib takes half a second to import.
-    from lighting.chart_drawing import draw
 
     write_text(table, chart.as_csv(errors + flickers))
     points = chart.points_of(errors, flickers)
