@@ -79,11 +79,15 @@ def _mixed(  # type: ignore[no-untyped-def]
     place = stable_matching(directions, power, is_key, last_directions, last_power, last_is_key)
     goes_out = _going_out(last_power, share, place, power)
 
-    is_taken = (last_power > 0) & ~goes_out
-    is_new = (place < 0) & (power > 0)
-    places = np.append(np.flatnonzero(~is_taken), len(is_taken) + np.arange(len(power)))
-    place[is_new] = places[: np.count_nonzero(is_new)]
-    end = max(len(last_power), int(place.max()) + 1 if len(place) else 0)
+    is_new = place < 0
+    end, free = len(last_power), 0
+    for j in range(len(power)):
+        if is_new[j] and power[j] > 0:
+            while free < len(last_power) and last_power[free] > 0 and not goes_out[free]:
+                free += 1
+            place[j] = free
+            free += 1
+            end = max(end, free)
 
     mixed_directions, mixed_irradiance = np.zeros((end, 3)), np.zeros((end, 3))
     mixed_radius_rad, mixed_is_key = np.zeros(end), np.zeros(end, np.bool_)
@@ -92,8 +96,10 @@ def _mixed(  # type: ignore[no-untyped-def]
         mixed_radius_rad[i], mixed_is_key[i] = last_radius_rad[i], last_is_key[i]
         if not goes_out[i]:
             mixed_irradiance[i] = (1 - share) * last_irradiance[i]
-    for j in np.flatnonzero(power > 0):
+    for j in range(len(power)):
         i = place[j]
+        if i < 0:
+            continue
         if is_new[j]:
             mixed_directions[i], mixed_irradiance[i] = directions[j], share * irradiance[j]
             mixed_radius_rad[i], mixed_is_key[i] = radius_rad[j], is_key[j]
@@ -110,7 +116,9 @@ def _mixed(  # type: ignore[no-untyped-def]
             share,
         )
     left_over = np.zeros(3)
-    for gone in np.flatnonzero(goes_out):
+    for gone in range(len(last_power)):
+        if not goes_out[gone]:
+            continue
         heir = _nearest_lit(last_directions[gone], directions, power)
         if heir >= 0:
             mixed_irradiance[place[heir]] += (1 - share) * last_irradiance[gone]
@@ -149,12 +157,15 @@ def _going_out(last_power, share, place, power):  # type: ignore[no-untyped-def]
     for i in place:
         if i >= 0:
             is_fading[i] = False
-    fading = np.flatnonzero(is_fading)
-    from_strongest = fading[np.argsort(-last_power[fading], kind="mergesort")]
-    lit = np.count_nonzero(power > 0)
+    lit = np.count_nonzero(power)
     faint = _FAINT * power.sum() / lit if lit else np.inf
-    for rank, i in enumerate(from_strongest):
-        goes_out[i] = rank >= MOST_FADING or (1 - share) * last_power[i] < faint
+    for i in range(len(last_power)):
+        if is_fading[i]:
+            stronger = 0
+            for j in range(len(last_power)):
+                is_before = last_power[j] == last_power[i] and j < i
+                stronger += is_fading[j] and (last_power[j] > last_power[i] or is_before)
+            goes_out[i] = stronger >= MOST_FADING or (1 - share) * last_power[i] < faint
     return goes_out
 
 
