@@ -55,7 +55,8 @@ def cells_of_blocks(blocks: Array, count: int) -> tuple[Array, Array, Array]:
 
 
 def _least_sum(moments: Array, lit: NDArray[np.int64], cell: Cell) -> int:
-    return int(np.argmin(cut_variances(moments, lit, cell).sum(axis=1)))
+    first, second = cut_variances(moments, lit, cell).T
+    return int((first + second).argmin())
 
 
 def _importance(power: float, x: float, y: float, z: float) -> float:

@@ -57,4 +57,4 @@ def variance_minimisation_of_blocks(blocks: Array, count: int) -> tuple[Array, A
 
 
 def _least_larger(moments: Array, lit: NDArray[np.int64], cell: Cell) -> int:
-    return int(np.argmin(cut_variances(moments, lit, cell).max(axis=1)))
+    return int(np.maximum(*cut_variances(moments, lit, cell).T).argmin())
