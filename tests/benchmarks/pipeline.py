@@ -67,9 +67,9 @@ def run(repeats: int) -> list[dict[str, Any]]:
         times: dict[str, Times] = {name: {} for name in systems}
         for repeat in range(-1, repeats):
             for name, system in systems.items():
-                for stage, ms in system(repeat % BRACKETS).items():
+                for stage, samples_ms in system(repeat % BRACKETS).items():
                     if repeat >= 0:
-                        times[name].setdefault(stage, []).extend(ms)
+                        times[name].setdefault(stage, []).extend(samples_ms)
         stream_ms = _alternating_medians(streams, repeats)
     medians = {
         name: {stage: statistics.median(ms) for stage, ms in stages.items()}
@@ -93,8 +93,8 @@ def run(repeats: int) -> list[dict[str, Any]]:
         if (ms := stages.get(stage)) is not None
     ]
     return rows + [
-        {"stage": "pipeline", "case": case, "system": system, "ms": ms, "accuracy": {}}
-        for (case, system), ms in stream_ms.items()
+        {"stage": "pipeline", "case": case, "system": system, "ms": per_bracket_ms, "accuracy": {}}
+        for (case, system), per_bracket_ms in stream_ms.items()
     ]
 
 
