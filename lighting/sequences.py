@@ -133,35 +133,40 @@ def frames(
             f"wanted maps of 8 rows or more and 1 frame or more, got {height}, {count}"
         )
     random = np.random.default_rng(0)
-    numbers = np.arange(count) - count // 2
-    times_s = numbers / RATE_HZ
-    if irregular:
-        numbers = numbers + np.arange(count) // 9
-        numbers -= numbers[count // 2]
-        times_s = (numbers + random.uniform(-0.4, 0.4, count)) / RATE_HZ
-        times_s -= times_s[count // 2]
+    numbers, times_s = _frame_times(count, irregular)
     sky = _sky(height)
     unit = float(luminance(np.tensordot(solid_angles(height), sky.sum(axis=1), axes=1)))
     for number, time_s in zip(numbers, times_s, strict=True):
         discs = [_disc(source, sequence, unit, time_s, int(number)) for source in sequence.sources]
-        shares = [_shares(disc, height) for disc in discs]
+        of_sources = [_radiance(disc, height) for disc in discs]
         background = sequence.sky * sky
         if sequence.cover:
             covered = sequence.cover(cell_directions(height), time_s)[..., None]
             background *= 1 - (1 - sequence.covered_sky) * covered
         swing = np.sin(2 * np.pi * _MAINS_RIPPLE_HZ * time_s)
         seen = background + sum(
-            (1 + source.ripple * swing) * share
-            for source, share in zip(sequence.sources, shares, strict=True)
+            (1 + source.ripple * swing) * radiance
+            for source, radiance in zip(sequence.sources, of_sources, strict=True)
         )
         if sequence.noise:
             seen = seen * (1 + sequence.noise * random.standard_normal(seen.shape))
         yield TimedMap(
             float(time_s - times_s[0]),
             _map(np.maximum(seen, 0.0)),
-            _map(background + sum(shares)),
+            _map(background + sum(of_sources)),
             tuple(discs),
         )
+
+
+def _frame_times(count: int, irregular: bool) -> tuple[NDArray[np.int64], Array]:
+    """Return the numbers and the times in s of the frames, both 0 for the one in the middle."""
+    numbers = np.arange(count) - count // 2
+    if not irregular:
+        return numbers, numbers / RATE_HZ
+    numbers += np.arange(count) // 9
+    numbers -= numbers[count // 2]
+    times_s = (numbers + np.random.default_rng(1).uniform(-0.4, 0.4, count)) / RATE_HZ
+    return numbers, times_s - times_s[count // 2]
 
 
 def _disc(source: Source, sequence: Sequence, unit: float, time_s: float, number: int) -> Disc:
@@ -173,7 +178,7 @@ def _disc(source: Source, sequence: Sequence, unit: float, time_s: float, number
     return Disc("source", direction, source.angular_radius_rad, irradiance)
 
 
-def _shares(disc: Disc, height: int) -> Array:
+def _radiance(disc: Disc, height: int) -> Array:
     """Return the radiance (N, 2N, 3) that a disc adds to the cells of a map."""
     points = disc.direction[None]
     if disc.angular_radius_rad > np.pi / (2 * height):

@@ -34,10 +34,11 @@ def test_the_truth_holds_the_sources_light_and_they_stand_where_it_says(name):
             assert flux(timed.truth) == pytest.approx(flux(sky) + of_sources, rel=1e-5)
             moment = block_sums(timed.truth.radiance) - block_sums(sky.radiance)
             true = sum(luminance(disc.irradiance) * disc.direction for disc in timed.sources)
-            # A soft sun's cells hold it a little blurred: its moment is shorter by 1.3 %.
+            # Spread over cells 11° wide, a source's moment is shorter by 1.3 %, at most; it points
+            # where the sources are, but for 1e-4 rad with several points or sources.
             off = moment.sum(axis=(0, 1))[1:4] - true
             assert np.linalg.norm(off) <= 0.02 * of_sources
-            assert np.linalg.norm(np.cross(off, true)) <= 1e-3 * of_sources**2
+            assert np.linalg.norm(np.cross(off, true)) <= 2e-4 * of_sources**2
 
 
 @pytest.mark.parametrize("name", [n for n, s in SEQUENCES.items() if s.noise == 0])
@@ -61,7 +62,7 @@ def test_frames_come_at_an_even_rate_or_not():
     uneven = np.diff([timed.timestamp_s for timed in shown("two suns", irregular=True)]) * RATE_HZ
     assert uneven.min() > 0
     assert uneven.min() < 0.8
-    assert uneven.max() > 1.5  # where a frame is missing
+    assert uneven.sum() == pytest.approx(COUNT - 1 + 2, abs=0.8)  # two frames are missing
 
 
 @pytest.mark.parametrize("kind", ["hard", "soft"])
