@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from lighting.error_measures import Receivers, received, received_from_map, standard_receivers
-from lighting.reduce import reduce_to_lights
+from lighting.reduce import reduce_next
 from lighting.sequences import SEQUENCES, frames
 from lighting.steadiness import direction_motion, error_change, excess_change
 from lighting.temporal import steady
@@ -36,11 +36,14 @@ def figures(name, method):
     """Return the Figures without the temporal stage and with it."""
     timed_maps = list(frames(SEQUENCES[name], ROWS, FRAMES))
     true = np.array([received_from_map(SURFACES, timed.truth) for timed in timed_maps[STARTED:]])
-    plain, smooth, memory = [], [], None
+    plain, smooth = [], []
+    reduced_memory = steady_memory = None
     for timed in timed_maps:
-        lights = reduce_to_lights(timed.environment, COUNT, method, timestamp_s=timed.timestamp_s)
+        lights, reduced_memory = reduce_next(
+            timed.environment, COUNT, method, reduced_memory, timestamp_s=timed.timestamp_s
+        )
         plain.append(lights)
-        lights, memory = steady(lights, memory)
+        lights, steady_memory = steady(lights, steady_memory)
         smooth.append(lights)
     return _figures(plain[STARTED:], true), _figures(smooth[STARTED:], true)
 

@@ -10,7 +10,9 @@ Expected : change of the error per frame and motion of the lights within one and
 Measured : change of the error per frame in %, without and with the stage, and motion in degrees:
            cells, still 0.79 → 0.08, 0.33° → 0.012°; lamp 0.89 → 0.38, 0.93° → 0.30°; mains
            21.5 → 1.5, 0.36° → 0.014°; inverse CDF, still 0.80 → 0.08, 0.074° → 0.007°; lamp
-           1.5 → 0.42, 0.71° → 0.24°; mains 22.9 → 1.8, 4.8° → 0.09°.
+           1.5 → 0.42, 0.71° → 0.24°; mains 22.9 → 1.8, 4.8° → 0.09°; adaptive, still 0.79 → 0.09,
+           0°; lamp 0.85 → 0.32, 0.12° → 0.05°; mains 21.5 → 1.5, 0.001° → 0°. On a map of 128
+           rows with 64 lights of adaptive the lamp's is 0.28 → 0.23 %.
 """
 
 import pytest
@@ -27,12 +29,16 @@ from tests.steady_sequences import figures
         ("inverse-cdf", "still, 1 % noise", 0.0012, 0.011, 0.15),
         ("inverse-cdf", "small lamp, 3 % noise", 0.0063, 0.36, 0.4),
         ("inverse-cdf", "mains alias", 0.026, 0.13, 0.1),
+        ("adaptive", "still, 1 % noise", 0.0013, 0.001, 0.15),
+        ("adaptive", "small lamp, 3 % noise", 0.0048, 0.075, 0.5),
+        ("adaptive", "mains alias", 0.022, 0.002, 0.1),
     ],
 )
 def test_noise_is_smoothed_to_within_bounds(method, name, error_change, motion_deg, part):
     plain, steady = figures(name, method)
     assert steady.error_change < min(error_change, part * plain.error_change)
-    assert steady.motion_deg < min(motion_deg, part * plain.motion_deg)
+    assert steady.motion_deg < motion_deg
+    assert steady.motion_deg <= max(part * plain.motion_deg, 0.001)
     assert steady.error <= 1.01 * plain.error
     # The weakness itself: it is not gone.
     assert steady.error_change > error_change / 10
