@@ -1,4 +1,4 @@
-"""Sets of lights for tests, and a comparison that does not know their order."""
+"""Sets of lights for tests, and a comparison that does not mind their order."""
 
 import numpy as np
 
@@ -24,7 +24,13 @@ def random_set(random, count, timestamp_s=0.0):
     )
 
 
-def as_set(directions, irradiance):
-    """Return what two sets of lights share if they differ in order and rounding only."""
-    rows = np.concatenate([directions, irradiance], axis=1)
-    return {tuple(row) for row in np.round(rows, 9) + 0.0}
+def assert_same_lights(one, other):
+    """Assert that (directions, irradiance, …) have the same lights, but for order and rounding.
+
+    Lights without irradiance do not count.
+    """
+    ordered = []
+    for directions, irradiance, *_ in (one, other):
+        rows = np.concatenate([directions, irradiance], axis=1)[irradiance.any(axis=1)]
+        ordered.append(rows[np.argsort(rows[:, 0])])
+    np.testing.assert_allclose(ordered[0], ordered[1], rtol=1e-9, atol=1e-9)

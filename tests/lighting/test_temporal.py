@@ -14,7 +14,7 @@ from lighting.mixing import MOST_FADING
 from lighting.reduce import reduce_to_lights
 from lighting.temporal import steady
 from tests.environments import outdoors
-from tests.lighting_sets import as_set, random_set, towards
+from tests.lighting_sets import assert_same_lights, random_set, towards
 
 FRAME_S = 1 / 30
 SEEDS = st.integers(0, 2**32 - 1)
@@ -96,10 +96,7 @@ def test_the_order_of_the_lights_does_not_matter(seed):
         fields = ("directions", "irradiance", "angular_radius_rad", "is_key")
         mixed.append(replace(lights, **{name: getattr(lights, name)[order] for name in fields}))
     for one, other in zip(shown(plain)[0], shown(mixed)[0], strict=True):
-        lit, other_lit = one.irradiance.any(axis=1), other.irradiance.any(axis=1)
-        assert as_set(one.directions[lit], one.irradiance[lit]) == as_set(
-            other.directions[other_lit], other.irradiance[other_lit]
-        )
+        assert_same_lights((one.directions, one.irradiance), (other.directions, other.irradiance))
 
 
 @settings(deadline=None, max_examples=30)
@@ -191,6 +188,15 @@ def test_a_steady_change_is_followed():
     ]
     assert max(lag) < 0.02  # less than a frame's step
     assert max(lag[10:]) < 1e-9
+
+
+def test_a_steady_change_is_followed_at_uneven_times():
+    random = np.random.default_rng(0)
+    times_s = np.cumsum(random.choice([0.2, 1.0, 1.0, 3.0], 60)) * FRAME_S
+    sets = [replace(one_light(1 + each), timestamp_s=each) for each in times_s]
+    lag = [1 + t - f.irradiance[0, 0] for t, f in zip(times_s, shown(sets)[0], strict=True)]
+    assert max(lag) < 0.2
+    assert max(lag[20:]) < 1e-9
 
 
 def test_mains_ripple_is_smoothed():
