@@ -6,7 +6,8 @@ Fails  : only light that comes straight from the lights is there. A mirror shows
          the map they stand for; nothing lights another thing, the ground included. Light that
          facets pass on to each other is lost: a white metal of roughness 1 reflects 41 %. A smooth
          dielectric is up to 4 % too bright (tests/limits/test_render_energy.py). Shadows are hard:
-         the extent of a light widens its highlight only.
+         a light's extent counts for highlights and horizons, but an occluder hides all of it or
+         none (tests/limits/test_render_hard_shadows.py).
 """
 
 from types import TracebackType
@@ -20,6 +21,8 @@ from capture.errors import InputError
 from lighting.environment import EnvironmentMap
 from lighting.light_set import LightSet
 from render.casters import gather_casters
+from render.discs import cut_at_horizon, irradiance_curves
+from render.dome import dome_lights
 from render.gbuffer import GBuffer
 from render.gl import load_program, release, set_uniforms
 from render.scene import Camera, Scene
@@ -27,6 +30,9 @@ from render.shadows import ShadowAtlas, texel_width, world_to_tile
 
 BATCH = 64
 """Lights per pass over the picture."""
+
+DOME_ATLAS_SIDE_PX = 2048
+"""Holds maps of 512² for the dome over a ground, and of 256² for the whole dome."""
 
 MAX_SAMPLES = 2**26
 """Samples of a picture, each of which takes 100 bytes: 4096 × 4096 pixels of 2 × 2."""
@@ -37,13 +43,12 @@ def reaching_lights(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return direction, irradiance and angular radius of the lights that reach the scene.
 
-    Left out are lights without power, and over a ground those at or below its horizon: it is
-    opaque, and everything stands on it.
+    Left out are lights without power, and over a ground what is below its horizon, of a disc that
+    straddles it the part below: the ground is opaque, and everything stands on it.
     """
     keep = np.any(lights.irradiance > 0, axis=1)
-    if scene.ground is not None:
-        keep &= lights.directions[:, 1] > 0
-    return lights.directions[keep], lights.irradiance[keep], lights.angular_radius_rad[keep]
+    reaching = lights.directions[keep], lights.irradiance[keep], lights.angular_radius_rad[keep]
+    return reaching if scene.ground is None else cut_at_horizon(*reaching)
 
 
 class Renderer:
@@ -78,7 +83,9 @@ class Renderer:
                 f"{MAX_SAMPLES} together): ask for a smaller picture or fewer samples"
             )
         self._gbuffer = GBuffer(context, scene, camera, (width, height))
-        self._atlas = ShadowAtlas(context, gather_casters(scene.meshes))
+        self._casters = gather_casters(scene.meshes)
+        self._atlas = ShadowAtlas(context, self._casters)
+        self._dome_atlas: ShadowAtlas | None = None
         self._sum = context.texture((width, height), 4, dtype="f4")
         self._framebuffer = context.framebuffer([self._sum])
         self._lights = context.buffer(reserve=BATCH * _LIGHT_BYTES)
@@ -108,7 +115,7 @@ class Renderer:
         Parameters
         ----------
         lights : LightSet
-            Without lights the scene is black.
+            Without lights and fill the scene is black.
         background : EnvironmentMap, optional
             Seen where there is nothing else; black without it.
 
@@ -122,14 +129,22 @@ class Renderer:
         directions, irradiance, radius_rad = reaching_lights(lights, self._scene)
         for first in range(0, len(directions), self._atlas.capacity):
             part = slice(first, first + self._atlas.capacity)
-            self._atlas.draw(directions[part])
-            self._add_lights(directions[part], irradiance[part], radius_rad[part])
+            self._add_lights(self._atlas, directions[part], irradiance[part], radius_rad[part])
+        if lights.fill.any():
+            dome = dome_lights(lights.fill, upper_only=self._scene.ground is not None)
+            # Of its own, because lights that come and go would displace the dome's maps.
+            self._dome_atlas = self._dome_atlas or ShadowAtlas(
+                self._context, self._casters, DOME_ATLAS_SIDE_PX
+            )
+            self._add_lights(self._dome_atlas, *dome)
         return self._read()
 
     def release(self) -> None:
         """Free the GL objects; the context stays."""
         self._gbuffer.release()
         self._atlas.release()
+        if self._dome_atlas is not None:
+            self._dome_atlas.release()
         release(
             self._context,
             self._framebuffer,
@@ -170,21 +185,24 @@ class Renderer:
 
     def _add_lights(
         self,
+        atlas: ShadowAtlas,
         directions: NDArray[np.float64],
         irradiance: NDArray[np.float64],
         radius_rad: NDArray[np.float64],
     ) -> None:
-        size_px = self._atlas.tile_px
+        atlas.draw(directions)
+        size_px = atlas.tile_px
         set_uniforms(
             self._shade_program,
-            texel_m=texel_width(self._atlas.radius_m, size_px),
+            texel_m=texel_width(atlas.radius_m, size_px),
             texel_tile=1.0 / size_px,
+            casters_m=atlas.radius_m,
         )
-        rows = world_to_tile(directions, self._atlas.centre, self._atlas.radius_m, size_px)
-        packed = pack_lights(rows, directions, irradiance, radius_rad, self._atlas.tiles(len(rows)))
+        rows = world_to_tile(directions, atlas.centre, atlas.radius_m, size_px)
+        packed = pack_lights(rows, directions, irradiance, radius_rad, atlas.tiles(len(rows)))
         for unit, (_, texture) in enumerate(self._gbuffer.textures):
             texture.use(unit)
-        self._atlas.texture.use(len(self._gbuffer.textures))
+        atlas.texture.use(len(self._gbuffer.textures))
         self._framebuffer.use()
         self._context.enable_only(moderngl.BLEND)
         self._context.blend_func = moderngl.ONE, moderngl.ONE
@@ -204,7 +222,7 @@ class Renderer:
         return np.ascontiguousarray(picture[::-1])
 
 
-_LIGHT_BYTES = 6 * 16
+_LIGHT_BYTES = 7 * 16
 
 
 def pack_lights(
@@ -214,17 +232,21 @@ def pack_lights(
     radius_rad: NDArray[np.float64],
     tiles: NDArray[np.float64],
 ) -> NDArray[np.float32]:
-    """Return the lights as shade.frag's uniform block has them, (K, 6, 4) float32.
+    """Return the lights as shade.frag's uniform block has them, (K, 7, 4) float32.
 
     A light of angular radius r spreads the directions it comes from by r²/4 per axis, and half
     vectors by a quarter of that. GGX with width α has the core of a distribution of slopes of
     variance α²/2, so the highlight of the whole extent is that of α² + r²/8: the first order of
     a convolution, good while r is small.
     """
-    packed: NDArray[Any] = np.zeros((len(rows), 6, 4), np.float32)
+    curves = irradiance_curves(radius_rad)
+    packed: NDArray[Any] = np.zeros((len(rows), 7, 4), np.float32)
     packed[:, :3] = rows
     packed[:, 3, :3] = directions
     packed[:, 3, 3] = radius_rad**2 / 8
     packed[:, 4, :3] = irradiance
+    packed[:, 4, 3] = curves[:, 0]
     packed[:, 5, :3] = tiles
+    packed[:, 5, 3] = curves[:, 1]
+    packed[:, 6] = curves[:, 2:]
     return packed

@@ -82,7 +82,9 @@ class ShadowAtlas:
     Owns GL objects; the context that made them must be current.
     """
 
-    def __init__(self, context: moderngl.Context, casters: Casters) -> None:
+    def __init__(
+        self, context: moderngl.Context, casters: Casters, side_px: int = ATLAS_SIDE_PX
+    ) -> None:
         self.centre = casters.centre
         # Without casters any positive size will do.
         self.radius_m = casters.radius_m or 1.0
@@ -91,7 +93,7 @@ class ShadowAtlas:
         self._positions = context.buffer(casters.positions.tobytes() or bytes(4))
         self._closed = self._vertex_array(casters.closed_faces)
         self._open = self._vertex_array(casters.open_faces)
-        self.side_px = min(ATLAS_SIDE_PX, context.info["GL_MAX_TEXTURE_SIZE"])
+        self.side_px = min(side_px, context.info["GL_MAX_TEXTURE_SIZE"])
         self.texture = context.depth_texture((self.side_px, self.side_px))
         self.texture.compare_func = "<="
         self.texture.filter = (moderngl.LINEAR, moderngl.LINEAR)

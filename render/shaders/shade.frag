@@ -2,14 +2,17 @@
 //
 // L = Σ f(l, v) E (n·l) V over the lights, f = (1 − F) ρ / π + D G F / (4 n·l n·v), with the GGX
 // distribution D, Smith's height-correlated G and Schlick's F: the BRDF of glTF 2.0, appendix B.
+// Beside ρ, E (n·l) is the irradiance from the light's whole disc (render/discs.py), which the
+// surface's horizon may cut.
 
 struct Light {
     vec4 row_u;       // world position (x, y, z, 1) → coordinate in the light's tile, 0 … 1
     vec4 row_v;
     vec4 row_depth;   // → depth, 0 … 1
     vec4 direction;   // toward the light; w widens α², for the light's angular radius
-    vec4 irradiance;  // on a surface that faces the light; w unused
-    vec4 tile;        // origin of the tile in the atlas (xy), the tile's width in the atlas (z)
+    vec4 irradiance;  // ∫L dω; w is `half` of the light's irradiance curve
+    vec4 tile;        // origin of the tile in the atlas (xy), its width there (z); w is `offset`
+    vec4 disc;        // s, 1/s², p and q of the curve
 };
 
 layout(std140) uniform Lights {
@@ -20,6 +23,7 @@ uniform int light_count;
 uniform vec3 eye;
 uniform float texel_m;         // width of a shadow map's texel in the world
 uniform float texel_tile;      // and in the tile
+uniform float casters_m;       // radius of the casters' bounding sphere
 uniform sampler2DShadow atlas;
 uniform sampler2D position_hit;
 uniform sampler2D normal_roughness;
@@ -37,10 +41,24 @@ const float SMALLEST_ALPHA2 = 4e-6;  // keeps D finite in float32 for a perfect 
 const float OFFSET_TEXELS = 1.41421356;
 const float SMALLEST_SINE = 0.05;
 
+// Irradiance from a light of unit ∫L dω on a surface at this cosine to it: discs.irradiance_curves.
+float received(Light light, float cosine) {
+    float t = min(cosine * cosine * light.disc.y, 1.0);
+    float even = max(abs(cosine), light.disc.x - (1.0 - t) * (light.disc.z + light.disc.w * t));
+    float offset = light.tile.w;
+    return light.irradiance.w * (cosine + (offset > 0.0 ? offset - even : even));
+}
+
 float visibility(Light light, vec3 position, vec3 face_normal) {
     float cosine = dot(face_normal, light.direction.xyz);
     float sine = max(sqrt(max(1.0 - cosine * cosine, 0.0)), SMALLEST_SINE);
-    vec4 point = vec4(position + OFFSET_TEXELS * texel_m * sine * face_normal, 1.0);
+    // A face that looks away from the middle of a disc sees the part beyond its own horizon, in
+    // directions that lean by that angle at least. Its look-up moves as far aside as they do from
+    // here to the end of the casters, which is out of the shadow of the body that it belongs to.
+    vec3 aside = face_normal - cosine * light.direction.xyz;
+    float lean_m = casters_m * max(-cosine, 0.0);
+    vec3 shifted = position + OFFSET_TEXELS * texel_m * sine * face_normal + lean_m * aside;
+    vec4 point = vec4(shifted, 1.0);
     vec2 tile = vec2(dot(light.row_u, point), dot(light.row_v, point));
     // The outermost two texels of a tile are free of casters: outside is lit.
     tile = clamp(tile, texel_tile, 1.0 - texel_tile);
@@ -49,7 +67,7 @@ float visibility(Light light, vec3 position, vec3 face_normal) {
     float depth = dot(light.row_depth, point);
     float unoccluded = texture(atlas, vec3(light.tile.xy + light.tile.z * tile, depth));
     // A light behind the face cannot reach it, whatever the interpolated normal says.
-    return cosine > 0.0 ? unoccluded : 0.0;
+    return received(light, cosine) > 0.0 ? unoccluded : 0.0;
 }
 
 void main() {
@@ -69,7 +87,8 @@ void main() {
     for (int k = 0; k < light_count; k++) {
         Light light = lights[k];
         vec3 l = light.direction.xyz;
-        float n_l = max(dot(n, l), 0.0);
+        float cosine = dot(n, l);
+        float n_l = max(cosine, 0.0);
         vec3 h = l + v;
         h *= inversesqrt(max(dot(h, h), 1e-12));  // a light straight behind has none
         float v_h = clamp(dot(v, h), 0.0, 1.0);
@@ -84,9 +103,9 @@ void main() {
         float c = 1.0 - v_h;
         float c2 = c * c;
         vec3 fresnel = reflectance0 + (face.w - reflectance0) * (c2 * c2 * c);
-        vec3 brdf = (1.0 - fresnel) * rho / PI + fresnel * (distribution * masking);
-        float lit = n_l * visibility(light, position.xyz, face.xyz);
-        sum += lit * brdf * light.irradiance.rgb;
+        vec3 reflected = (1.0 - fresnel) * rho * (received(light, cosine) / PI)
+                       + fresnel * (distribution * masking * n_l);
+        sum += visibility(light, position.xyz, face.xyz) * reflected * light.irradiance.rgb;
     }
     radiance = vec4(sum, 0.0);
 }

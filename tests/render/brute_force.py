@@ -1,14 +1,16 @@
-"""A sphere on a plane under distant lights, ray-cast and shaded without OpenGL.
+"""A sphere on a plane under distant lights and a fill, ray-cast and shaded without OpenGL.
 
 The oracle of the renderer: intersections and shadows are exact, everything is float64, and the
 reflectance model is written in the textbook form (D G F / (4 n·l n·v)) rather than the shader's.
-It shares only the scene's types with the code under test.
+Lights are points here: `as_points` makes many of each disc, and of a fill. It shares only the
+scene's types and the harmonics' basis with the code under test.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from lighting import harmonics
 from lighting.light_set import LightSet
 from render.scene import Camera, Ground, Material
 
@@ -21,6 +23,34 @@ class SphereScene:
     radius_m: float
     material: Material
     ground: Ground | None
+
+
+def as_points(lights: LightSet, per_light: int = 256, per_fill: int = 2048) -> LightSet:
+    """Return the point lights that discs and fill consist of, spread evenly over each."""
+    directions, irradiance = [np.empty((0, 3))], [np.empty((0, 3))]
+    for axis, light, radius in zip(
+        lights.directions, lights.irradiance, lights.angular_radius_rad, strict=True
+    ):
+        # A golden spiral over the cap, whose height is even in solid angle.
+        height = 1 - (1 - np.cos(radius)) * (np.arange(per_light) + 0.5) / per_light
+        directions.append(_around(axis, height))
+        irradiance.append(np.tile(light / per_light, (per_light, 1)))
+    if lights.fill.any():
+        height = 1 - 2 * (np.arange(per_fill) + 0.5) / per_fill
+        everywhere = _around(np.array([0.0, 1.0, 0.0]), height)
+        directions.append(everywhere)
+        irradiance.append(harmonics.evaluate(lights.fill, everywhere) * 4 * np.pi / per_fill)
+    points = np.concatenate(directions)
+    return LightSet(points, np.concatenate(irradiance), np.zeros(len(points)))
+
+
+def _around(axis, height):
+    """Unit vectors (n, 3) at these cosines to an axis, a golden angle apart."""
+    across = np.linalg.svd(axis[None])[2][1:]
+    angle = np.arange(len(height)) * np.pi * (3 - np.sqrt(5))
+    level = np.sqrt(1 - height**2)[:, None]
+    u, v = np.cos(angle)[:, None] * across[0], np.sin(angle)[:, None] * across[1]
+    return height[:, None] * axis + level * (u + v)
 
 
 def trace(scene: SphereScene, camera: Camera, lights: LightSet, samples_per_axis: int = 1):
