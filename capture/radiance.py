@@ -69,7 +69,8 @@ def check_radiance(radiance: NDArray[np.float32]) -> None:
 class Cleaned:
     """Radiance fit for use, and how much of it was not.
 
-    `radiance` has zeros where `valid` is False (NaN or infinite) and where it was negative.
+    `radiance` has zeros where `valid` is False (NaN or infinite) and where it was negative. `notes`
+    say, for people, what was done to it before, when its file was read.
     """
 
     radiance: NDArray[np.float32]
@@ -77,6 +78,13 @@ class Cleaned:
     nan_count: int
     infinite_count: int
     negative_count: int
+    notes: tuple[str, ...] = ()
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a person should know of it, a line each: the notes, and what was removed."""
+        removed = str(self)
+        return (*self.notes, f"set to 0 in the file: {removed} values") if removed else self.notes
 
     def __str__(self) -> str:
         parts = [
@@ -91,12 +99,14 @@ class Cleaned:
         return ", ".join(parts)
 
 
-def clean_radiance(radiance: NDArray[np.floating]) -> Cleaned:
+def clean_radiance(radiance: NDArray[np.floating], notes: tuple[str, ...] = ()) -> Cleaned:
     """Return radiance without NaN, infinities and negative values, and count what was removed.
 
     Parameters
     ----------
     radiance : (H, W, 3) float
+    notes : tuple of str
+        What was done to it before, to be passed on.
 
     Returns
     -------
@@ -116,4 +126,4 @@ def clean_radiance(radiance: NDArray[np.floating]) -> Cleaned:
         infinite |= overflow
         valid &= ~overflow.any(axis=-1)
         clean[~valid] = 0
-    return Cleaned(clean, valid, int(nan.sum()), int(infinite.sum()), int(negative.sum()))
+    return Cleaned(clean, valid, int(nan.sum()), int(infinite.sum()), int(negative.sum()), notes)

@@ -124,7 +124,7 @@ def read_radiance(path: Path) -> tuple[RadianceImage, Cleaned]:
     is 0, unknown, where the file has none. Raises as `read_hdr` does.
     """
     picture = read_hdr(path)
-    cleaned = clean_radiance(picture.rgb)
+    cleaned = clean_radiance(picture.rgb, picture.notes)
     plane = picture.rgb.shape[:2]
     valid = cleaned.valid if picture.valid is None else cleaned.valid & picture.valid
     clipped = np.zeros(plane, np.bool_) if picture.clipped is None else picture.clipped

@@ -95,9 +95,11 @@ def _read_maps(paths: Sequence[Path]) -> dict[str, EnvironmentMap]:
         return {"made, outdoors": outdoors(_MADE_ROWS)}
     maps = {}
     for path in paths:
-        environment, _ = read_environment(path)
+        environment, cleaned = read_environment(path)
         if not environment.radiance.any():
             raise InputError(f"{path}: there is no light in it to compare lights by")
+        for remark in cleaned.remarks:
+            print(f"{path}: {remark}")
         maps[str(path)] = environment
     return maps
 

@@ -41,7 +41,7 @@ def read_environment(path: Path) -> tuple[EnvironmentMap, Cleaned]:
             f"{path}: wanted a lat-long map, twice as wide as high, found {width}×{height}; "
             "a camera picture becomes one with `fishlight remap`"
         )
-    cleaned = clean_radiance(picture.rgb)
+    cleaned = clean_radiance(picture.rgb, picture.notes)
     if not cleaned.valid.any():
         raise InputError(f"{path}: not one of its pixels is a finite number")
     radiance = cleaned.radiance

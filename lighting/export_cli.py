@@ -114,5 +114,5 @@ def _print_marks(environment: EnvironmentMap, cleaned: Cleaned) -> None:
         )
     if environment.clipped.any():
         print(f"  {environment.clipped.sum()} cells are clipped: their radiance is a lower bound")
-    if str(cleaned):
-        print(f"  set to 0 in the map: {cleaned} values")
+    for remark in cleaned.remarks:
+        print(f"  {remark}")

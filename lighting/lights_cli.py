@@ -3,15 +3,16 @@
 from pathlib import Path
 
 from calibration.files import read_calibration
-from capture.arguments import Output, WholeNumber
+from capture.arguments import Output
 from capture.errors import InputError
 from capture.radiance import Cleaned
 from capture.radiance_files import read_radiance
 from lighting.environment_files import read_environment
 from lighting.fill import Fill
+from lighting.light_arguments import Count, Error, MethodName, most_lights
 from lighting.light_files import write_lights
 from lighting.light_set import LightSet
-from lighting.reduce import reduce_to_lights
+from lighting.reduce import ADAPTIVE, reduce_to_lights
 from lighting.reduce_picture import reduce_picture_to_lights
 
 
@@ -20,8 +21,9 @@ def lights(
     *,
     output: Output,
     calibration: Path | None = None,
-    count: WholeNumber = 64,
-    method: str = "inverse-cdf",
+    count: Count = 64,
+    error: Error = None,
+    method: MethodName = ADAPTIVE,
     fill: Fill = "black",
     force: bool = False,
 ) -> None:
@@ -35,16 +37,13 @@ def lights(
         The lights, as JSON.
     calibration
         The calibration of the camera that took the picture, JSON.
-    count
-        Number of lights, at least 1.
-    method
-        How the lights are found: inverse-cdf, median-cut, variance-minimisation or cells.
     fill
         What directions hold that the camera did not see: black, mean (of the seen) or mirror (at
         the horizon). Only with --calibration: a map is filled by `fishlight remap`.
     force
         Replace the output if it exists.
     """
+    most, error = most_lights(count, error, method)
     if calibration is None:
         if fill != "black":
             raise InputError(
@@ -52,18 +51,20 @@ def lights(
                 "`fishlight remap --fill` fills a map"
             )
         environment, cleaned = read_environment(picture)
-        light_set = reduce_to_lights(environment, count, method, source=picture.name)
+        light_set = reduce_to_lights(environment, most, method, error=error, source=picture.name)
     else:
-        light_set, cleaned = _lights_of_picture(picture, calibration, count, method, fill)
+        light_set, cleaned = _lights_of_picture(picture, calibration, most, error, method, fill)
     write_lights(output, light_set, force=force)
 
-    red, green, blue = light_set.irradiance.sum(axis=0)
+    red, green, blue = light_set.integral()
     print(
-        f"{output}: {light_set.source}; total irradiance "
-        f"{red:.4g} {green:.4g} {blue:.4g} ({light_set.scale} × sr)"
+        f"{output}: {'; '.join(_about(light_set))}; "
+        f"∫ L dω {red:.4g} {green:.4g} {blue:.4g} ({light_set.scale} × sr)"
     )
-    if str(cleaned):
-        print(f"  set to 0 in the input: {cleaned} values")
+    if error is not None and (light_set.predicted_error or 0.0) > error:
+        print(f"  that is above {error:.2%}: no more than {most} lights are tried")
+    for remark in cleaned.remarks:
+        print(f"  {remark}")
     if light_set.clipped_fraction > 0:
         print(
             f"  {light_set.clipped_fraction:.1%} of the light comes from clipped pixels: "
@@ -72,12 +73,24 @@ def lights(
 
 
 def _lights_of_picture(
-    picture: Path, calibration: Path, count: int, method: str, fill: Fill
+    picture: Path, calibration: Path, most: int, error: float | None, method: str, fill: Fill
 ) -> tuple[LightSet, Cleaned]:
     camera = read_calibration(calibration)
     image, cleaned = read_radiance(picture)
     camera.check_size(image.size_px, str(picture))
     light_set = reduce_picture_to_lights(
-        camera, image, count, method, fill=fill, source=picture.name
+        camera, image, most, method, error=error, fill=fill, source=picture.name
     )
     return light_set, cleaned
+
+
+def _about(lights: LightSet) -> list[str]:
+    """Return what there is to say of the lights: only some methods have a fill, or predict."""
+    parts = [lights.source]
+    if lights.fill_order is not None:
+        parts.append(f"fill of order {lights.fill_order}")
+    if lights.predicted_error is not None:
+        parts.append(f"predicted error {lights.predicted_error:.2%}")
+    if lights.block_rows is not None:
+        parts.append(f"block rows {lights.block_rows}")
+    return parts

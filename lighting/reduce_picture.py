@@ -13,7 +13,7 @@ from capture.errors import InputError
 from capture.radiance import RadianceImage
 from lighting.fill import Fill, fill_blocks, fill_unseen
 from lighting.light_set import LightSet
-from lighting.reduce import BLOCK_METHODS, reduce_blocks_to_lights, reduce_to_lights
+from lighting.reduce import ADAPTIVE, BLOCK_METHODS, reduce_blocks_to_lights, reduce_to_lights
 from lighting.remap import remap_image
 from lighting.source_blocks import picture_blocks
 
@@ -24,8 +24,9 @@ def reduce_picture_to_lights(
     calibration: Calibration,
     image: RadianceImage,
     count: int,
-    method: str = "cells",
+    method: str = ADAPTIVE,
     *,
+    error: float | None = None,
     fill: Fill = "black",
     timestamp_s: float = 0.0,
     source: str = "",
@@ -40,6 +41,8 @@ def reduce_picture_to_lights(
         Number of lights, see `reduce_to_lights`.
     method : str
         A key of `METHODS`.
+    error : float or None
+        That as few lights as will do are to meet, see `reduce_to_lights`.
     fill : Fill
         What directions hold that the camera did not see.
     timestamp_s : float
@@ -51,12 +54,12 @@ def reduce_picture_to_lights(
     ------
     InputError
         If the picture's size is not the calibration's, none of its valid pixels is seen, the count
-        is out of range, or there is no such method or fill.
+        or the error is out of range, or there is no such method or fill.
     """
     if method in BLOCK_METHODS:
         blocks = fill_blocks(picture_blocks(calibration, image), fill)
         return reduce_blocks_to_lights(
-            blocks, count, method, timestamp_s=timestamp_s, source=source
+            blocks, count, method, error=error, timestamp_s=timestamp_s, source=source
         )
     environment = remap_image(calibration, image, _MAP_HEIGHT)
     if not environment.valid.any():
@@ -65,4 +68,6 @@ def reduce_picture_to_lights(
             "check that picture and calibration belong together"
         )
     environment = fill_unseen(environment, fill)
-    return reduce_to_lights(environment, count, method, timestamp_s=timestamp_s, source=source)
+    return reduce_to_lights(
+        environment, count, method, error=error, timestamp_s=timestamp_s, source=source
+    )

@@ -55,8 +55,8 @@ def remap(
     write_environment(output, environment, force=force)
 
     print(f"{output}: {2 * height}×{height}, {environment.seen_share:.1%} of all directions seen")
-    if str(cleaned):
-        print(f"  set to 0 in the picture: {cleaned} values")
+    for remark in cleaned.remarks:
+        print(f"  {remark}")
     clipped_count = int(environment.clipped.sum())
     if clipped_count:
         print(f"  {clipped_count} cells are clipped: their radiance is a lower bound")

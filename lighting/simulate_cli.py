@@ -67,8 +67,8 @@ def simulate(
     for path in maps:
         environment, cleaned = read_environment(path)
         environments.append(environment)
-        if str(cleaned):
-            print(f"note: {path}: set to 0: {cleaned} values", file=sys.stderr)
+        for remark in cleaned.remarks:
+            print(f"note: {path}: {remark}", file=sys.stderr)
     default_count = _BRACKETS if len(maps) == 1 else len(maps)
     moments = scenario(
         environments,

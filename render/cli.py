@@ -3,15 +3,28 @@
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from cyclopts import Parameter
 
 from capture.arguments import Output, WholeNumber
 from capture.errors import FishlightError, InputError
 from capture.output import refuse_existing
+from lighting.light_arguments import Count, Error, MethodName, most_lights
+from lighting.light_stream import LightPlan
+from lighting.reduce import ADAPTIVE
 from lighting.remap_cli import check_map_height
 from render import doctor as machine
 from render.render_cli import parse_size, render, scene_to_render
-from render.replay import CAPTURE_TO_LIGHTS, ReplaySummary, replay, stage_times_ms, write_timings
+from render.replay import (
+    ReplaySummary,
+    capture_to_lights_ms,
+    replay,
+    stage_times_ms,
+    write_timings,
+)
+
+Steady = Annotated[bool, Parameter(negative="--no-steady")]
 
 
 def replay_command(
@@ -19,8 +32,11 @@ def replay_command(
     /,
     *,
     output: Output,
-    count: WholeNumber = 64,
-    method: str = "inverse-cdf",
+    count: Count = 64,
+    error: Error = None,
+    budget_ms: float | None = None,
+    method: MethodName = ADAPTIVE,
+    steady: Steady = True,
     height: WholeNumber = 512,
     mesh: Path | None = None,
     size: str = "640x480",
@@ -36,10 +52,12 @@ def replay_command(
         Folder with a manifest.json, as `fishlight import` or `fishlight simulate` makes it.
     output
         Folder for maps (EXR), lights (JSON), pictures (PNG), video.mp4 and session.json.
-    count
-        Lights per bracket.
-    method
-        How the lights are found: inverse-cdf, median-cut, variance-minimisation or cells.
+    budget_ms
+        With --count auto: no more lights than can be found and rendered in so many milliseconds.
+        The lights then depend on how fast the machine is.
+    steady
+        Smooth what trembles from bracket to bracket, such as noise and mains ripple. Small changes
+        are then late, nine tenths of them shown within 0.58 s; large ones are shown at once.
     height
         Rows of the lat-long maps, which are twice as wide.
     mesh
@@ -58,14 +76,17 @@ def replay_command(
         refuse_existing(timings, force=force)
         if timings.parent != output and not timings.parent.is_dir():
             raise InputError(f"{timings.parent} is not a folder; give --timings one that exists")
+    if budget_ms is not None and isinstance(count, int):
+        raise InputError("--budget-ms limits --count auto, and that was not given")
+    most, error = most_lights(count, error, method)
+    plan = LightPlan(most, method, error, budget_ms, is_steady=steady)
     scene, camera = scene_to_render(mesh, parse_size(size))
     summary = replay(
         recording,
         output,
+        plan,
         scene=scene,
         camera=camera,
-        count=count,
-        method=method,
         map_height=height,
         calibration_path=calibration,
         force=force,
@@ -96,19 +117,24 @@ def _report(summary: ReplaySummary, output: Path) -> None:
         print(f"fishlight: left out: {failure}", file=sys.stderr)
     counters = summary.counters
     print(
-        f"{output}: {counters.captured} brackets captured, {counters.replaced} replaced, "
+        f"{output}: brackets: {counters.captured} captured, {counters.replaced} replaced, "
         f"{counters.merged} merged, {counters.rendered} rendered, {counters.failed} failed"
     )
+    if summary.median_predicted_error is not None:
+        print(
+            f"median lights {summary.median_lights:g}, "
+            f"predicted error {summary.median_predicted_error:.2%}"
+        )
     if summary.clipped_count:
         print(
-            f"light was clipped in every exposure of {summary.clipped_count} brackets: "
+            f"brackets with light that was clipped in every exposure: {summary.clipped_count}; "
             "their lights are a lower bound (clipped_fraction in lights/*.json)"
         )
     times = stage_times_ms(summary.clock)
     if times:
         stages = ", ".join(f"{name} {stage['median_ms']:.1f}" for name, stage in times.items())
-        to_lights = sum(times[name]["median_ms"] for name in CAPTURE_TO_LIGHTS)
-        print(f"median ms: {stages}; capture to lights {to_lights:.1f}  [{summary.gl}]")
+        to_lights_ms = capture_to_lights_ms(summary.clock)
+        print(f"median ms: {stages}; capture to lights {to_lights_ms:.1f}  [{summary.gl}]")
 
 
 COMMANDS: tuple[tuple[Callable[..., Any], str], ...] = (

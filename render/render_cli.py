@@ -53,7 +53,7 @@ def render(
     check_picture_suffix(output)
     refuse_existing(output, force=force)
     light_set = read_lights(lights)
-    environment = None if background is None else read_environment(background)[0]
+    environment, cleaned = (None, None) if background is None else read_environment(background)
     scene, camera = scene_to_render(mesh, size_px)
     with (
         create_context() as context,
@@ -63,7 +63,9 @@ def render(
     ev = auto_exposure_ev(picture) if fixed_ev is None else fixed_ev
     write_picture(output, picture, ev, force=force)
     triangles = sum(len(part.faces) for part in scene.meshes)
-    print(f"{output}: {len(light_set)} lights on {triangles} triangles, {ev:+.1f} EV")
+    print(f"{output}: lights {len(light_set)}, triangles {triangles}, {ev:+.1f} EV")
+    for remark in () if cleaned is None else cleaned.remarks:
+        print(f"  {background}: {remark}")
 
 
 def scene_to_render(mesh: Path | None, size_px: tuple[int, int]) -> tuple[Scene, Camera]:

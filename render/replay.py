@@ -3,45 +3,40 @@
 Input  : a recording's folder.
 Output : a folder with maps/*.exr (and *.png to look at), lights/*.json, pictures/*.png, video.mp4
 and session.json.
-Cost   : per bracket, see `fishlight replay --timings`; the remap operator is built once.
+Cost   : per bracket, see `fishlight replay --timings`; the ways from a picture to a map and to
+blocks are built once. A method that takes block sums gets them from the camera's picture: in the
+time it takes to sum up the map, and the lights need not wait for the map, which only the picture's
+background needs.
 Fails  : a bracket that cannot be read holds the picture of the one before it in the video, and is
-         counted; no map, lights or picture are written for it. Nothing is written, and no earlier
-         replay removed, before the first bracket has become a picture.
+         counted; no map, lights or picture are written for it, and the lights of the next one
+         follow those of the one before it.
 """
 
-import shutil
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration.camera import Calibration
 from calibration.files import read_calibration
 from capture.errors import InputError, UnreadableFrame
 from capture.frame import Bracket
 from capture.merge import merge_bracket
-from capture.output import PARTIAL_PREFIX, write_json
+from capture.output import write_json
 from capture.picture_memory import PictureMemory
-from capture.pictures import write_png
 from capture.progress import progress
 from capture.recording import Recording, open_recording
-from lighting.environment_files import write_environment
-from lighting.light_files import write_lights
-from lighting.reduce import reduce_to_lights
+from lighting.light_stream import LightPlan, StreamMemory, next_lights
+from lighting.reduce import BLOCK_METHODS
 from lighting.remap import apply_remap, build_remap
+from lighting.source_blocks import apply_source_blocks, build_source_blocks
 from render.gl import create_context, describe
-from render.preview import preview
 from render.renderer import Renderer
+from render.replay_folder import ReplayFolder, check_output, write_session
 from render.scene import Camera, Scene
 from render.session import Counters, StageClock, run_session
-from render.video import VideoWriter
-from render.view import auto_exposure_ev, to_display
 
-SESSION_FILE = "session.json"
-RESULT_NAMES = ("maps", "lights", "pictures", "video.mp4", SESSION_FILE)
-CAPTURE_TO_LIGHTS = ("decode", "merge", "remap", "lights")
 FALLBACK_RATE_HZ = 25.0
 
 
@@ -55,6 +50,10 @@ class ReplaySummary:
     clock : StageClock
     gl : str
         Renderer and version of the OpenGL context.
+    light_counts : tuple of int
+        Lights that each bracket was reduced to.
+    predicted_errors : tuple of float
+        Of each bracket, if the method predicts them.
     clipped_count : int
         Brackets with light that was clipped in every exposure: their lights are a lower bound.
     failures : tuple of str
@@ -64,18 +63,29 @@ class ReplaySummary:
     counters: Counters
     clock: StageClock
     gl: str
+    light_counts: tuple[int, ...]
+    predicted_errors: tuple[float, ...]
     clipped_count: int
     failures: tuple[str, ...]
+
+    @property
+    def median_lights(self) -> float:
+        """Median number of lights of a bracket."""
+        return float(np.median(self.light_counts))
+
+    @property
+    def median_predicted_error(self) -> float | None:
+        """Median predicted error of a bracket; None if there is none."""
+        return float(np.median(self.predicted_errors)) if self.predicted_errors else None
 
 
 def replay(
     recording_folder: Path,
     output: Path,
+    plan: LightPlan,
     *,
     scene: Scene,
     camera: Camera,
-    count: int = 64,
-    method: str = "inverse-cdf",
     map_height: int = 512,
     calibration_path: Path | None = None,
     force: bool = False,
@@ -88,12 +98,10 @@ def replay(
         A folder with a manifest.json.
     output : Path
         Folder for the results; made if it does not exist.
+    plan : LightPlan
+        What lights every bracket is to have.
     scene, camera : Scene, Camera
         What is rendered, and from where.
-    count : int
-        Lights per bracket.
-    method : str
-        Name of the light reduction, a key of lighting.reduce.METHODS.
     map_height : int
         Rows N of the N × 2N maps.
     calibration_path : Path or None
@@ -113,97 +121,72 @@ def replay(
     calibration = _calibration(recording, calibration_path)
     check_output(output, force=force)
     remap = build_remap(calibration, map_height)
+    source_blocks = build_source_blocks(calibration) if plan.method in BLOCK_METHODS else None
     source = progress(recording, "replay", len(recording))
-    size_px, rate_hz = camera.size_px, frame_rate_hz(recording)
+    picture_memory = PictureMemory()
+    memory: StreamMemory | None = None
+    took_ms: float | None = None
+    light_counts: list[int] = []
+    predicted_errors: list[float] = []
+    clipped_count = 0
     failures: list[str] = []
-    memory = PictureMemory()
-    with ExitStack() as stack:
-        context = stack.enter_context(create_context())
-        renderer = stack.enter_context(Renderer(context, scene, camera))
+    with (
+        create_context() as context,
+        Renderer(context, scene, camera) as renderer,
+        ReplayFolder(output, camera.size_px, frame_rate_hz(recording)) as folder,
+    ):
         gl = describe(context)
-        video: VideoWriter | None = None
-        exposure_ev = 0.0
-        last_picture: NDArray[np.uint8] | None = None
-        clipped_count = 0
 
         def process(bracket: Bracket, clock: StageClock, counters: Counters) -> None:
-            nonlocal clipped_count, exposure_ev, last_picture, video
+            nonlocal memory, took_ms, clipped_count
             with clock.stage("merge"):
-                image = merge_bracket(bracket, recording.sensor, memory)
+                image = merge_bracket(bracket, recording.sensor, picture_memory)
             counters.merged += 1
+            if source_blocks is not None:
+                with clock.stage("blocks"):
+                    blocks = apply_source_blocks(source_blocks, image)
             with clock.stage("remap"):
                 environment = apply_remap(remap, image)
             with clock.stage("lights"):
-                lights = reduce_to_lights(
-                    environment,
-                    count,
-                    method,
+                lights, memory = next_lights(
+                    environment if source_blocks is None else blocks,
+                    plan,
+                    memory,
+                    took_ms=took_ms,
                     timestamp_s=bracket.timestamp_s,
                     source=f"{recording_folder.name}, bracket {bracket.index}",
                 )
+            light_counts.append(memory.found)
+            if lights.predicted_error is not None:
+                predicted_errors.append(lights.predicted_error)
+            clipped_count += lights.clipped_fraction > 0
             with clock.stage("render"):
                 radiance = renderer.render(lights, environment)
             counters.rendered += 1
-            clipped_count += lights.clipped_fraction > 0
+            took_ms = clock.frames[-1]["lights"] + clock.frames[-1]["render"]
             with clock.stage("write"):
-                if video is None:
-                    prepare_output(output)
-                    # One for all pictures, so that a change of brightness can be seen.
-                    exposure_ev = auto_exposure_ev(radiance)
-                    video = stack.enter_context(VideoWriter(output / "video.mp4", size_px, rate_hz))
-                last_picture = to_display(radiance, exposure_ev)
-                video.write(last_picture)
-                name = f"{bracket.index:06d}"
-                write_environment(output / "maps" / f"{name}.exr", environment)
-                write_png(
-                    output / "maps" / f"{name}.png", preview(environment, lights, exposure_ev)
-                )
-                write_lights(output / "lights" / f"{name}.json", lights, force=True)
-                write_png(output / "pictures" / f"{name}.png", last_picture)
+                folder.write(bracket.index, environment, lights, radiance)
 
         def on_failure(error: UnreadableFrame) -> None:
             failures.append(str(error))
-            if video is not None and last_picture is not None:
-                video.write(last_picture)
+            folder.hold()
 
         counters, clock = run_session(source, process, on_failure=on_failure)
     if counters.rendered == 0:
         raise InputError(
-            f"{recording_folder}: none of its {counters.captured} brackets is usable: {failures[0]}"
+            f"{recording_folder}: not one bracket of {counters.captured} is usable: {failures[0]}"
         )
-    summary = ReplaySummary(counters, clock, gl, clipped_count, tuple(failures))
-    _write_session(output, "complete", summary)
+    summary = ReplaySummary(
+        counters,
+        clock,
+        gl,
+        tuple(light_counts),
+        tuple(predicted_errors),
+        clipped_count,
+        tuple(failures),
+    )
+    write_session(output, "complete", _account(summary))
     return summary
-
-
-def check_output(output: Path, *, force: bool) -> None:
-    """Raise InputError unless the results of a replay may go to `output`.
-
-    They may if it does not exist or is an empty folder, and with `force` if an earlier replay made
-    it: that is told by its session.json.
-    """
-    if output.exists() and not output.is_dir():
-        raise InputError(f"{output} is a file; the results need a folder")
-    if output.is_dir() and any(output.iterdir()):
-        if not force:
-            raise InputError(f"{output} is not empty; give --force to replace an earlier replay")
-        if not (output / SESSION_FILE).is_file():
-            raise InputError(
-                f"{output} holds no {SESSION_FILE}, so no replay made it, and it is left alone"
-            )
-
-
-def prepare_output(output: Path) -> None:
-    """Make the result folder, emptied of an earlier replay's results and of nothing else."""
-    left_by_a_kill = output.glob(f"{PARTIAL_PREFIX}*")
-    for path in (*(output / name for name in RESULT_NAMES), *left_by_a_kill):
-        if path.is_dir() and not path.is_symlink():
-            shutil.rmtree(path)
-        else:
-            path.unlink(missing_ok=True)
-    for name in ("maps", "lights", "pictures"):
-        (output / name).mkdir(parents=True, exist_ok=True)
-    _write_session(output, "running", None)
 
 
 def frame_rate_hz(recording: Recording) -> float:
@@ -226,6 +209,13 @@ def stage_times_ms(clock: StageClock) -> dict[str, dict[str, float]]:
             "first_ms": float(times[0]),
         }
     return table
+
+
+def capture_to_lights_ms(clock: StageClock) -> float:
+    """Sum of the medians of the stages that lights need."""
+    times = stage_times_ms(clock)
+    picture_to_light = "blocks" if "blocks" in times else "remap"
+    return sum(times[name]["median_ms"] for name in ("decode", "merge", picture_to_light, "lights"))
 
 
 def write_timings(path: Path, summary: ReplaySummary, *, force: bool = False) -> None:
@@ -251,13 +241,12 @@ def _calibration(recording: Recording, path: Path | None) -> Calibration:
     return calibration
 
 
-def _write_session(output: Path, status: str, summary: ReplaySummary | None) -> None:
-    content: dict[str, object] = {"schema": "fishlight-session/1", "status": status}
-    if summary is not None:
-        content |= {
-            "counters": vars(summary.counters),
-            "clipped_brackets": summary.clipped_count,
-            "failures": summary.failures,
-            "gl": summary.gl,
-        }
-    write_json(output / SESSION_FILE, content)
+def _account(summary: ReplaySummary) -> dict[str, Any]:
+    return {
+        "counters": vars(summary.counters),
+        "median_lights": summary.median_lights,
+        "median_predicted_error": summary.median_predicted_error,
+        "clipped_brackets": summary.clipped_count,
+        "failures": summary.failures,
+        "gl": summary.gl,
+    }
