@@ -107,13 +107,7 @@ def test_as_many_lights_as_asked_for_with_the_energy_of_the_map(method, environm
     # What a fill holds needs no lights.
     assert len(lights) == wanted or (lights.fill.any() and len(lights) < wanted)
     np.testing.assert_allclose(lights.integral(), environment_map.integral(), rtol=1e-6, atol=0)
-
-
-@each_method
-@each_map
-@pytest.mark.parametrize("count", COUNTS)
-def test_every_number_is_one(method, environment_map, count):
-    lights = reduce_to_lights(environment_map, count, method)
+    # In the same test, as the same lights are asked of every number too.
     np.testing.assert_allclose(np.linalg.norm(lights.directions, axis=1), 1, atol=1e-12)
     assert np.isfinite(lights.irradiance).all()
     assert (lights.irradiance >= 0).all()
