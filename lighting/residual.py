@@ -6,7 +6,7 @@ A light's source is looked for in a cap around its direction. There the map is c
 above which lies just the light's irradiance, channel by channel: what is taken is the peak, what
 stays is the sky or the wall around it. Light plus residual is then the map, and counts nothing
 twice.
-Cost   : the directions of all cells once, then a sort of the cells in each cap.
+Cost   : for each light the directions of the rows that its cap crosses, and a sort of its cells.
 Fails  : where a cap holds less light than the light it belongs to: all of it is taken, and the
          caller is told how much that was. A light that stands for more than a peak (a cell of the
          map, a sample) leaves a hole, for its cap is dark before its irradiance is reached. A
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.environment import EnvironmentMap
-from lighting.latlong import cell_directions, solid_angles
+from lighting.latlong import grid_to_direction, solid_angles
 from lighting.light_set import LightSet
 
 _RADII = 2.0
@@ -48,23 +48,33 @@ def remove_lights(
     """
     height = environment.height
     radiance = environment.radiance.copy()
-    directions = cell_directions(height)
     weights = np.broadcast_to(solid_angles(height)[:, None], radiance.shape[:2])
     removed = np.zeros((len(lights), 3))
     for index, direction in enumerate(lights.directions):
         radius = (
             max(_RADII * lights.angular_radius_rad[index], _LEAST_RAD) + _CELLS * np.pi / height
         )
-        in_cap = directions @ direction >= np.cos(min(radius, np.pi))
-        before = radiance[in_cap]
+        rows, in_cap = _cap(direction, radius, height)
+        weight, before = weights[rows][in_cap], radiance[rows][in_cap]
         after = before.copy()
         for channel in range(3):
-            irradiance = lights.irradiance[index, channel]
-            level = _cut_level(before[:, channel], weights[in_cap], irradiance)
+            level = _cut_level(before[:, channel], weight, lights.irradiance[index, channel])
             np.minimum(after[:, channel], level, out=after[:, channel])
-        radiance[in_cap] = after
-        removed[index] = weights[in_cap] @ (before.astype(np.float64) - after)
+        radiance[rows][in_cap] = after
+        removed[index] = weight @ (before.astype(np.float64) - after)
     return replace(environment, radiance=radiance), removed
+
+
+def _cap(
+    direction: NDArray[np.float64], radius_rad: float, height: int
+) -> tuple[slice, NDArray[np.bool_]]:
+    """Return the rows that a cap crosses, and which of their cells have their centre in it."""
+    theta = np.arctan2(np.hypot(direction[0], direction[2]), direction[1])
+    first = max(int((theta - radius_rad) * height / np.pi) - 1, 0)
+    last = min(int((theta + radius_rad) * height / np.pi) + 2, height)
+    row, column = np.mgrid[first:last, 0 : 2 * height]
+    directions = grid_to_direction(np.stack([column, row], axis=-1), height)
+    return slice(first, last), directions @ direction >= np.cos(min(radius_rad, np.pi))
 
 
 def _cut_level(
