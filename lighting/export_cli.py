@@ -30,7 +30,7 @@ def export(
     """Write lights for another program, or a map in its convention.
 
     With the map that the lights were found in, the key lights are written, and the map without
-    them as a dome. Without it, or without key lights, all lights are.
+    them as a dome. Without it, or without key lights, all lights are, and their fill as a dome.
 
     Parameters
     ----------
@@ -101,8 +101,12 @@ def _export_scene(lights: Path, map_path: Path | None, output: Path, *, force: b
             f"  {light_set.clipped_fraction:.1%} of the light comes from clipped cells: "
             "the lights are a lower bound"
         )
-    if environment is not None and cleaned is not None:
+    if environment is None or cleaned is None:
+        return
+    if rig.lights.is_key.any():
         _print_marks(environment, cleaned)
+    else:
+        print("  no key lights: the lights stand for all of the map, which is not written")
 
 
 def _print_marks(environment: EnvironmentMap, cleaned: Cleaned) -> None:

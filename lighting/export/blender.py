@@ -8,6 +8,7 @@ Fails  : EEVEE draws large suns as if they were small.
 """
 
 from lighting.export.discs import (
+    about,
     disc_radius_rad,
     facing_irradiance,
     light_names,
@@ -18,15 +19,15 @@ from lighting.export.rig import DomeFile
 from lighting.light_set import LightSet
 
 _SCRIPT = '''\
-"""Lights by fishlight. Add them to a scene: blender scene.blend -P <this file>"""
+"""Add these lights to a scene: blender scene.blend -P <this file>"""
 
 from pathlib import Path
 
 import bpy
 
-# {source}
+# {about}
 DOME = {dome!r}
-# Name, irradiance ({scale}), colour, angular diameter in radians, rotation (w, x, y, z).
+# Name, irradiance, colour, angular diameter in radians, rotation (w, x, y, z).
 SUNS = [
 {suns}]
 
@@ -70,8 +71,7 @@ def to_blender(lights: LightSet, dome: DomeFile | None) -> bytes:
         strict=True,
     )
     script = _SCRIPT.format(
-        source=" ".join(lights.source.split()),
-        scale=" ".join(lights.scale.split()),
+        about=about(lights),
         dome=dome and dome.name,
         suns="".join(f"    {sun!r},\n" for sun in suns),
     )

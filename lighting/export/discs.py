@@ -1,6 +1,7 @@
 """What other programs are told of a light: a uniform disc at infinity.
 
-Input  : a light set.    Output : each disc's radius, its irradiance as renderers mean it, a name.
+Input  : a light set.    Output : each disc's radius, its irradiance as renderers mean it, a name;
+a line about the set.
 A light wider than a hemisphere, which stands for most of a map, becomes a hemisphere of the same
 ∫ L dω.
 """
@@ -37,3 +38,13 @@ def strength_and_colour(
 def light_names(lights: LightSet) -> list[str]:
     """Return a name for each light, `key_0` or `light_0` by its kind, fit for every format."""
     return [f"{'key' if key else 'light'}_{i}" for i, key in enumerate(lights.is_key)]
+
+
+def about(lights: LightSet) -> str:
+    """Return a line on what the lights are, fit for a comment.
+
+    Scale and source may hold anything that a file of somebody else did: a line break would end the
+    comment, and in a Radiance scene a line after it could be a command.
+    """
+    text = f"lights by fishlight, radiance {lights.scale}: {lights.source}"
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())

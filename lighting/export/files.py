@@ -5,7 +5,6 @@ environment map that has other channels.
 """
 
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -46,7 +45,7 @@ def write_scene(path: Path, rig: LightRig, *, force: bool = False) -> Path | Non
     """Write the lights to `path`, and their dome beside it; return the dome's path, or None.
 
     The dome's file has the scene's whole name before its own suffix (`scene.usda.dome.exr`), for
-    domes of other formats have other conventions. Both files are written whole, or neither is.
+    domes of other formats have other conventions. The scene appears after its dome, or not at all.
 
     Raises
     ------
@@ -69,18 +68,15 @@ def write_scene(path: Path, rig: LightRig, *, force: bool = False) -> Path | Non
             f"{str(path)!a}: a scene with a dome needs a name that it can be found by: "
             "without quotes, @ and what cannot be printed"
         )
-    with ExitStack() as files:
-        scene_partial = files.enter_context(replacing(path, force=force))
-        dome_partial = files.enter_context(replacing(dome_path, force=force))
-        write_map(dome_partial, rig.dome, scene_format.convention)
-        scene_partial.write_bytes(
-            scene_format.encode(rig.lights, DomeFile(dome_path.name, rig.dome.height))
-        )
+    with replacing(path, force=force) as partial:
+        dome_file = DomeFile(dome_path.name, rig.dome.height)
+        partial.write_bytes(scene_format.encode(rig.lights, dome_file))
+        write_map(dome_path, rig.dome, scene_format.convention, force=force)
     return dome_path
 
 
 def write_map(
-    path: Path, environment: EnvironmentMap, convention: Convention, *, force: bool = True
+    path: Path, environment: EnvironmentMap, convention: Convention, *, force: bool = False
 ) -> None:
     """Write a map's colours to an .exr or .hdr file, in another program's convention.
 

@@ -16,7 +16,7 @@ References
 
 import numpy as np
 
-from lighting.export.discs import disc_radius_rad, light_names
+from lighting.export.discs import about, disc_radius_rad, light_names
 from lighting.export.orientation import z_up
 from lighting.export.rig import DomeFile
 from lighting.light_set import LightSet
@@ -50,7 +50,7 @@ def to_radiance(lights: LightSet, dome: DomeFile | None) -> bytes:
     """Return the lights as a .rad file, with a sky from the picture of the dome beside it."""
     radius = np.maximum(disc_radius_rad(lights), _LEAST_RADIUS_RAD)
     solid_angle = 2 * np.pi * (1 - np.cos(radius))
-    parts = [f"# lights by fishlight, radiance {lights.scale}: {' '.join(lights.source.split())}\n"]
+    parts = [f"# {about(lights)}\n"]
     parts += [
         f"""
 void light {name}_radiance

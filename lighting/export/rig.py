@@ -27,7 +27,7 @@ class LightRig:
     Attributes
     ----------
     lights : LightSet
-        Those that are written; without fill, which is in the dome.
+        Those that are written, all with some light; without fill, which is in the dome.
     dome : EnvironmentMap or None
         On our grid and in our orientation; None if lights are all there is.
     missing : (3,) float64
@@ -50,7 +50,8 @@ class DomeFile(NamedTuple):
 def light_rig(lights: LightSet, environment: EnvironmentMap | None = None) -> LightRig:
     """Return the key lights and the map without them, or all lights and their fill.
 
-    The first where there are a map and key lights, the second everywhere else.
+    The first where there are a map and key lights, the second everywhere else. Lights without
+    irradiance, which fading ones leave (temporal.py), are left out.
 
     Raises
     ------
@@ -59,16 +60,17 @@ def light_rig(lights: LightSet, environment: EnvironmentMap | None = None) -> Li
     """
     if environment is not None and environment.scale != lights.scale:
         raise InputError(
-            f"the map's scale is {environment.scale}, the lights' is {lights.scale}: "
+            f"the map's scale is {environment.scale!r}, the lights' is {lights.scale!r}: "
             "lights and map must come from the same picture"
         )
-    if environment is not None and lights.is_key.any():
-        keys = _without_fill(lights, lights.is_key)
+    is_lit = lights.irradiance.max(axis=1) > 0
+    is_lit_key = lights.is_key & is_lit
+    if environment is not None and is_lit_key.any():
+        keys = _without_fill(lights, is_lit_key)
         residual, removed = remove_lights(environment, keys)
         return LightRig(keys, residual, (keys.irradiance - removed).sum(axis=0))
-    everything = np.ones(len(lights), np.bool_)
     dome = _dome_of_fill(lights) if lights.fill.any() else None
-    return LightRig(_without_fill(lights, everything), dome, np.zeros(3))
+    return LightRig(_without_fill(lights, is_lit), dome, np.zeros(3))
 
 
 def _without_fill(lights: LightSet, chosen: NDArray[np.bool_]) -> LightSet:

@@ -20,6 +20,7 @@ import json
 import numpy as np
 
 from lighting.export.discs import (
+    about,
     disc_radius_rad,
     facing_irradiance,
     light_names,
@@ -62,11 +63,10 @@ def to_usda(lights: LightSet, dome: DomeFile | None) -> bytes:
         token inputs:texture:format = "latlong"
     }}
 """)
-    about = f"lights by fishlight, radiance {lights.scale}: {lights.source}"
     text = f"""#usda 1.0
 (
     defaultPrim = "lights"
-    doc = {json.dumps(about, ensure_ascii=False)}
+    doc = {json.dumps(about(lights), ensure_ascii=False)}
     metersPerUnit = 1
     upAxis = "Y"
 )

@@ -2,6 +2,7 @@
 
 import runpy
 import sys
+from dataclasses import replace
 from types import ModuleType, SimpleNamespace
 from unittest.mock import MagicMock
 
@@ -61,6 +62,13 @@ def test_without_a_dome_no_picture_is_loaded(tmp_path, monkeypatch):
     placed, pictures = run_before_a_stand_in(tmp_path / "scene.py", monkeypatch)
     assert len(placed) == 3
     assert pictures == []
+
+
+def test_text_of_others_cannot_break_the_script(tmp_path, monkeypatch):
+    odd = replace(lamps(), scale="a\nraise ValueError", source='\0 """\nraise ValueError \\')
+    write_scene(tmp_path / "odd.py", light_rig(odd))
+    placed, _ = run_before_a_stand_in(tmp_path / "odd.py", monkeypatch)
+    assert len(placed) == 3
 
 
 def test_cycles_lights_a_sphere_with_it_as_the_room_does(script, tmp_path):

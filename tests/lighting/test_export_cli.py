@@ -1,5 +1,6 @@
 """`fishlight export` from file to file."""
 
+import resource
 from dataclasses import replace
 
 import numpy as np
@@ -77,6 +78,17 @@ def test_what_the_exported_map_cannot_tell_is_told(folder, capsys):
     assert "25.0% of the light comes from clipped cells" in printed
 
 
+def test_a_map_that_is_not_written_is_told_and_its_marks_are_not(folder, capsys):
+    write_environment(folder / "map.exr", replace(room(), valid=np.zeros((64, 128), bool)))
+    no_keys = replace(lamps(), is_key=np.zeros(3, bool))
+    write_lights(folder / "lights.json", no_keys, force=True)
+    export(folder / "lights.json", output=folder / "a.usda", map_path=folder / "map.exr")
+    assert files_in(folder) == ["a.usda"]
+    printed = capsys.readouterr().out
+    assert "no key lights: the lights stand for all of the map, which is not written" in printed
+    assert "not seen" not in printed
+
+
 def test_without_a_map_only_the_scene_is_written(folder, capsys):
     export(folder / "lights.json", output=folder / "a.glb")
     assert files_in(folder) == ["a.glb"]
@@ -137,6 +149,17 @@ def test_what_exists_is_replaced_only_by_force_and_never_by_half(folder, taken):
     export(folder / "lights.json", **arguments, force=True)
     assert files_in(folder) == ["a.usda", "a.usda.dome.exr"]
     assert (folder / "a.usda").read_text().startswith("#usda")
+
+
+def test_a_dome_there_is_no_room_for_is_told_by_its_name_and_leaves_no_scene(folder):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limits[1]))  # the dome takes 97 kB
+    try:
+        with pytest.raises(InputError, match=r"/a\.usda\.dome\.exr: cannot be written"):
+            export(folder / "lights.json", output=folder / "a.usda", map_path=folder / "map.exr")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert files_in(folder) == []
 
 
 def test_a_dome_that_cannot_be_made_leaves_no_scene(folder):

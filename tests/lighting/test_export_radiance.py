@@ -3,6 +3,7 @@
 import os
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,14 @@ def test_it_lights_every_side_as_the_room_does(tmp_path, environment_variables):
     towards = normals(96)
     measured = irradiance_by_radiance(tmp_path / "scene.rad", towards, environment_variables)
     assert_lit_by_the_room(towards, measured, 0.03)
+
+
+def test_text_of_others_is_no_line_of_the_scene(tmp_path, environment_variables):
+    # Radiance runs what stands behind an exclamation mark.
+    odd = replace(lamps(), scale="relative\n!touch made\n", source="a\n!touch made\n")
+    write_scene(tmp_path / "scene.rad", light_rig(odd))
+    irradiance_by_radiance(tmp_path / "scene.rad", normals(1), environment_variables)
+    assert not (tmp_path / "made").exists()
 
 
 def test_a_point_gives_its_irradiance(tmp_path, environment_variables):

@@ -7,7 +7,7 @@ import pytest
 
 from capture.errors import InputError
 from lighting import harmonics
-from lighting.export.discs import facing_irradiance, light_names, strength_and_colour
+from lighting.export.discs import about, facing_irradiance, light_names, strength_and_colour
 from lighting.export.rig import light_rig
 from lighting.light_set import LightSet
 from tests.environments import irradiance, normals, true_irradiance
@@ -67,8 +67,20 @@ def test_without_a_map_all_lights_are_written_and_their_fill_is_the_dome():
     np.testing.assert_allclose(true_irradiance(towards, rig.dome), expected, rtol=5e-4)
 
 
+@pytest.mark.parametrize("environment", [None, room(16)])
+def test_lights_that_have_gone_out_are_not_written(environment):
+    # temporal.py leaves lights without irradiance behind, key lights among them.
+    keys_out = replace(lamps(), irradiance=lamps().irradiance * [[0], [0], [1]])
+    rig = light_rig(keys_out, environment)
+    assert len(rig.lights) == 1
+    np.testing.assert_array_equal(rig.lights.irradiance, np.ones((1, 3)))
+    assert rig.dome is None
+    one_out = replace(lamps(), irradiance=lamps().irradiance * [[1], [0], [1]])
+    assert len(light_rig(one_out, environment).lights) == (2 if environment is None else 1)
+
+
 def test_a_map_of_another_scale_is_refused():
-    with pytest.raises(InputError, match=r"scale is cd/m².*lights' is relative"):
+    with pytest.raises(InputError, match=r"scale is 'cd/m²'.*lights' is 'relative'"):
         light_rig(lamps(), replace(room(16), scale="cd/m²"))
 
 
@@ -90,6 +102,11 @@ def test_colours_are_at_most_1_and_give_the_light_back():
     strength, colour = strength_and_colour(rgb)
     np.testing.assert_array_equal(strength[:, None] * colour, rgb)
     assert colour[0].max() == 1
+
+
+def test_what_is_said_about_lights_is_a_line_that_can_be_printed():
+    odd = replace(lamps(), scale="cd/m²\n!echo", source="Ł\0\x1b[31m\u2028 room ")
+    assert about(odd) == "lights by fishlight, radiance cd/m² !echo: Ł [31m room"
 
 
 def test_names_are_unique():

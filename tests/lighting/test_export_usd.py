@@ -86,10 +86,10 @@ def test_lights_alone_have_no_dome_and_a_point_gives_its_irradiance(tmp_path):
 
 
 def test_text_of_others_cannot_break_the_file(tmp_path):
-    odd = LightSet(np.eye(3)[:1], np.ones((1, 3)), np.zeros(1), source='a "quoted" \\ Ł\nname')
+    odd = LightSet(np.eye(3)[:1], np.ones((1, 3)), np.zeros(1), source='a "quoted" \\ Ł\n\0name')
     write_scene(tmp_path / "odd.usda", light_rig(odd))
     stage = Usd.Stage.Open(str(tmp_path / "odd.usda"))
-    assert stage.GetRootLayer().documentation.endswith('a "quoted" \\ Ł\nname')
+    assert stage.GetRootLayer().documentation.endswith('a "quoted" \\ Ł name')
 
 
 def irradiance_by_mitsuba(lights, dome_path):
