@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lighting import harmonics
-from lighting.summed_area import block_sums
+from lighting.summed_area import MOST_ROWS, block_sums
 
 Array = NDArray[np.float64]
 
@@ -51,10 +51,10 @@ class BlockGrid:
 
 
 @lru_cache(maxsize=8)
-def block_grid(map_height: int) -> BlockGrid:
+def block_grid(map_height: int, most_rows: int = MOST_ROWS) -> BlockGrid:
     """Return the grid of the blocks that `summed_area.block_sums` makes of an N × 2N map."""
     even = np.ones((map_height, 2 * map_height, 3), np.float32)
-    return BlockGrid(np.ascontiguousarray(block_sums(even)[..., :4]))
+    return BlockGrid(np.ascontiguousarray(block_sums(even, most_rows)[..., :4]))
 
 
 def coarsened(blocks: Array, most_rows: int) -> Array:

@@ -80,7 +80,7 @@ def grow_tree(
     count : int
         At least 1.
     before : CellTree
-        That of the last frame, of the same grid; an empty one for none.
+        That of the last frame; an empty one, or one of another grid, for none.
 
     Returns
     -------
@@ -89,6 +89,9 @@ def grow_tree(
     was : (n,) int64
         Index in `before` of the same cell, −1 for a new one.
     """
+    whole = (0, lit.shape[0] - 1, 0, lit.shape[1] - 1)
+    if len(before.cuts) and tuple(before.rectangles[0]) != whole:
+        before = EMPTY_TREE
     rectangles, cuts, first_part, was = _grow(
         moments, lit, count, before.rectangles, before.cuts, before.first_part
     )

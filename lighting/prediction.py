@@ -19,7 +19,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lighting.block_grid import BlockGrid, coarsened
+from lighting.block_grid import BlockGrid
 
 Array = NDArray[np.float64]
 
@@ -63,18 +63,26 @@ def map_responses(blocks: Array, grid: BlockGrid) -> Array:
 
     From bright ones where their light is, from the others where the coarse block's middle is.
     """
-    bright = blocks[..., 0] > _BRIGHT * blocks[..., 0].sum()
-    sums = blocks[bright]
-    directions = sums[:, 1:4] / np.linalg.norm(sums[:, 1:4], axis=1, keepdims=True)
-    from_bright = responses(directions, _disc_radius(grid.area[bright, 0]))
-    dim = np.where(bright[..., None], 0.0, blocks[..., 4:])
-    dim = coarsened(dim, PROBE_ROWS).reshape(-1, 3)
+    coarse = grid.coarser(PROBE_ROWS)
+    dim = np.zeros((coarse.rows * coarse.area.shape[1], 3))
+    least = _BRIGHT * float(blocks[..., 0].sum())
+    factor = -(-grid.rows // PROBE_ROWS)
+    sums, radii = _bright_blocks(blocks, grid.area, least, factor, coarse.area.shape[1], dim)
+    from_bright = responses(sums[:, 1:4], radii)
     return _weighted_sum(_grid_responses(grid), dim) + _weighted_sum(from_bright, sums[:, 4:])
 
 
 def fill_responses(fill: Array, grid: BlockGrid) -> Array:
     """Return what each probe receives from a fill (9, 3), (P, 3)."""
     return _basis_responses(grid) @ fill
+
+
+def error_of(
+    irradiance: Array, received: Array, true: Array, fill: Array, shortage: Array, scale: float
+) -> float:
+    """Return the predicted error of lights, told as `errors_by_count` does of the leaves."""
+    given = _weighted_sum(received, irradiance) + fill * (1 - shortage.sum(axis=0))
+    return float(np.sqrt(np.mean((true - given) ** 2))) / scale
 
 
 def errors_by_count(
@@ -203,14 +211,43 @@ def _disc_irradiance(cosine, cos_radius, sin_radius):  # type: ignore[no-untyped
 
 
 @njit(cache=True, nogil=True)
+def _bright_blocks(blocks, area, least, factor, columns, dim):  # type: ignore[no-untyped-def]
+    """Return blocks (n, 7) brighter than `least`, their means of unit length, and their radii.
+
+    The light of the others is added to `dim`, by coarse blocks of `factor` a side.
+    """
+    most = 1 + int(1 / _BRIGHT)
+    sums, radii = np.empty((most, 7)), np.empty(most)
+    number = 0
+    for r in range(len(blocks)):
+        for c in range(blocks.shape[1]):
+            block = blocks[r, c]
+            if block[0] <= least:
+                wide = (r // factor) * columns + c // factor
+                for k in range(3):
+                    dim[wide, k] += block[4 + k]
+                continue
+            length = np.sqrt(block[1] * block[1] + block[2] * block[2] + block[3] * block[3])
+            for k in range(7):
+                sums[number, k] = block[k] / length if 1 <= k <= 3 else block[k]
+            radii[number] = 2 * np.arcsin(np.sqrt(area[r, c, 0] / (4 * np.pi)))
+            number += 1
+    return sums[:number], radii[:number]
+
+
+@njit(cache=True, nogil=True)
 def _weighted_sum(received, light):  # type: ignore[no-untyped-def]
     """Return received.T @ light, in a loop: BLAS would wake its threads for this."""
-    total = np.zeros((light.shape[1], received.shape[1]))
+    probes = received.shape[1]
+    red, green, blue = np.zeros(probes), np.zeros(probes), np.zeros(probes)
     for i in range(len(light)):
-        for k in range(light.shape[1]):
-            for j in range(received.shape[1]):
-                total[k, j] += received[i, j] * light[i, k]
-    return total.T.copy()
+        r, g, b = light[i]
+        for j in range(probes):
+            weight = np.float64(received[i, j])
+            red[j] += weight * r
+            green[j] += weight * g
+            blue[j] += weight * b
+    return np.stack((red, green, blue), axis=-1)
 
 
 @njit(cache=True, nogil=True)

@@ -22,6 +22,7 @@ from lighting.methods.adaptive import (
     adaptive,
     adaptive_next,
     adaptive_of_blocks,
+    block_rows,
 )
 from lighting.methods.cells import cells, cells_of_blocks
 from lighting.methods.hierarchical import hierarchical
@@ -167,7 +168,7 @@ def reduce_next(
         raise InputError(f"no {kind} is called {method!r}; there are: {', '.join(known)}")
 
     if method == ADAPTIVE:
-        blocks, grid = _blocks_of(view)
+        blocks, grid = _blocks_of(view, block_rows(count, error))
         reduced, memory = adaptive_next(blocks, grid, count, error=error, memory=memory)
     elif isinstance(view, BlockSums):
         reduced = Reduced(*BLOCK_METHODS[method](view.sums, count))
@@ -193,10 +194,10 @@ def reduce_next(
     return lights, memory
 
 
-def _blocks_of(view: EnvironmentMap | BlockSums) -> tuple[Array, BlockGrid]:
+def _blocks_of(view: EnvironmentMap | BlockSums, most_rows: int) -> tuple[Array, BlockGrid]:
     if isinstance(view, BlockSums):
         return view.sums, block_grid(view.rows)
-    return block_sums(view.radiance), block_grid(view.height)
+    return block_sums(view.radiance, most_rows), block_grid(view.height, most_rows)
 
 
 def _clipped_fraction(view: EnvironmentMap | BlockSums) -> float:

@@ -85,24 +85,23 @@ def less_fill(blocks: Array, grid: BlockGrid, fill: Array) -> tuple[Array, Array
         fill does not take, none where that is negative. Signs are told over coarse blocks, so that
         noise and texture are not rectified into light.
     """
-    rest = np.empty_like(blocks)
-    _subtract(blocks, grid.area, grid.functions, fill, rest)
+    used = int(np.flatnonzero(fill.any(axis=1)).max(initial=0)) + 1
+    rest, positive = np.empty_like(blocks), np.empty((*blocks.shape[:2], 4))
     factor = -(-grid.rows // FIT_ROWS)
-    before, left = coarsened(blocks[..., :1], FIT_ROWS), coarsened(rest[..., :1], FIT_ROWS)
-    share = np.divide(np.maximum(left, 0), before, out=np.zeros_like(left), where=before > 0)
-    positive = np.empty((*blocks.shape[:2], 4))
-    _keep_share(blocks, share[..., 0], factor, positive)
+    _subtract(blocks, grid.area, grid.functions, fill[:used], factor, rest, positive)
     return rest, positive
 
 
 @njit(cache=True, nogil=True)
-def _subtract(blocks, area, functions, fill, rest):  # type: ignore[no-untyped-def]
+def _subtract(blocks, area, functions, fill, factor, rest, positive):  # type: ignore[no-untyped-def]
     red, green, blue = LUMINANCE_WEIGHTS
-    rows, columns, count = functions.shape
+    rows, columns, _ = blocks.shape
+    before = np.zeros((-(-rows // factor), -(-columns // factor)))
+    left = np.zeros_like(before)
     for r in range(rows):
         for c in range(columns):
             fill_r = fill_g = fill_b = 0.0
-            for k in range(count):
+            for k in range(len(fill)):
                 fill_r += functions[r, c, k] * fill[k, 0]
                 fill_g += functions[r, c, k] * fill[k, 1]
                 fill_b += functions[r, c, k] * fill[k, 2]
@@ -112,15 +111,14 @@ def _subtract(blocks, area, functions, fill, rest):  # type: ignore[no-untyped-d
             rest[r, c, 4] = blocks[r, c, 4] - fill_r * area[r, c, 0]
             rest[r, c, 5] = blocks[r, c, 5] - fill_g * area[r, c, 0]
             rest[r, c, 6] = blocks[r, c, 6] - fill_b * area[r, c, 0]
-
-
-@njit(cache=True, nogil=True)
-def _keep_share(blocks, share, factor, positive):  # type: ignore[no-untyped-def]
-    for r in range(len(blocks)):
-        for c in range(blocks.shape[1]):
-            part = share[r // factor, c // factor]
+            before[r // factor, c // factor] += blocks[r, c, 0]
+            left[r // factor, c // factor] += rest[r, c, 0]
+    for r in range(rows):
+        for c in range(columns):
+            whole, part = before[r // factor, c // factor], left[r // factor, c // factor]
+            share = part / whole if part > 0 and whole > 0 else 0.0
             for k in range(4):
-                positive[r, c, k] = part * blocks[r, c, k]
+                positive[r, c, k] = share * blocks[r, c, k]
 
 
 @njit(cache=True, nogil=True)
@@ -137,14 +135,14 @@ def _asymmetric_fit(functions, solid_angle, radiance, overshoot_weight):  # type
             continue
         for i in range(number):
             values[i] = min(radiance[i, channel], most)
-        fit = np.full(number, -np.inf)
+        is_over = np.zeros(number, np.bool_)
         normal = np.empty((count, count))
         right = np.empty(count)
         for _ in range(_ROUNDS):
             normal[:] = 0.0
             right[:] = 0.0
             for i in range(number):
-                weight = solid_angle[i] * (overshoot_weight if fit[i] > values[i] else 1.0)
+                weight = solid_angle[i] * (overshoot_weight if is_over[i] else 1.0)
                 for k in range(count):
                     weighted = weight * functions[i, k]
                     right[k] += weighted * values[i]
@@ -155,9 +153,15 @@ def _asymmetric_fit(functions, solid_angle, radiance, overshoot_weight):  # type
                 for m in range(k):
                     normal[m, k] = normal[k, m]
             solution = np.linalg.solve(normal, right)
+            is_settled = True
             for i in range(number):  # BLAS would wake its threads for this
-                fit[i] = 0.0
+                fit = 0.0
                 for k in range(count):
-                    fit[i] += functions[i, k] * solution[k]
+                    fit += functions[i, k] * solution[k]
+                if is_over[i] != (fit > values[i]):
+                    is_over[i] = not is_over[i]
+                    is_settled = False
+            if is_settled:
+                break
         coefficients[:, channel] = solution
     return coefficients

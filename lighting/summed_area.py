@@ -25,19 +25,21 @@ from lighting.latlong import solid_angles
 
 Array = NDArray[np.float64]
 
-_MOST_ROWS = 256
+MOST_ROWS = 256
 """Rows of blocks. On 33 captured maps, up to 256 lights are as good with 128 as with 512, which
 take three times as long. With 1024 lights, irradiance is as good with 256 as with 512, but 12 %
 worse with 128; behind occluders, points are 20 % worse with 256 and 70 % with 128 than with 512."""
 
 
-def block_sums(radiance: NDArray[np.float32]) -> Array:
+def block_sums(radiance: NDArray[np.float32], most_rows: int = MOST_ROWS) -> Array:
     """Return integrals over blocks of cells: of Y, of Y d, and of radiance.
 
     Parameters
     ----------
     radiance : (N, 2N, 3) float32
         Linear Rec.709; Y is its luminance, d the unit direction in the world frame.
+    most_rows : int
+        Rows of blocks, at most.
 
     Returns
     -------
@@ -46,11 +48,16 @@ def block_sums(radiance: NDArray[np.float32]) -> Array:
         centre times its solid angle, so cells at a pole are as good as any.
     """
     height, width, _ = radiance.shape
-    cells_per_block = -(-height // _MOST_ROWS)
+    side = cells_per_block(height, most_rows)
     # numpy asks for huge pages, numba does not, and its fresh pages take as long as all the sums.
-    sums = np.zeros((-(-height // cells_per_block), -(-width // cells_per_block), 7))
-    _add_cells(radiance, cells_per_block, *_cell_integrals(height), sums)
+    sums = np.zeros((-(-height // side), -(-width // side), 7))
+    _add_cells(radiance, side, *_cell_integrals(height), sums)
     return sums
+
+
+def cells_per_block(height: int, most_rows: int = MOST_ROWS) -> int:
+    """Return the cells along a side of a block of an N × 2N map; at its end a block has fewer."""
+    return -(-height // most_rows)
 
 
 def summed_area_tables(blocks: Array) -> tuple[Array, NDArray[np.int64]]:
@@ -147,7 +154,7 @@ def _cell_integrals(height: int) -> tuple[Array, Array]:
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def _add_cells(radiance, cells_per_block, row_factors, column_factors, sums):  # type: ignore[no-untyped-def]
+def _add_cells(radiance, side, row_factors, column_factors, sums):  # type: ignore[no-untyped-def]
     """Add each cell to the sums (rows, columns, 7) of its block.
 
     A thread has whole rows of blocks, so that any number of threads gives the same bits.
@@ -156,13 +163,13 @@ def _add_cells(radiance, cells_per_block, row_factors, column_factors, sums):  #
     height, width, _ = radiance.shape
     for block_row in prange(len(sums)):
         line = sums[block_row]
-        top = block_row * cells_per_block
-        for row in range(top, min(top + cells_per_block, height)):
+        top = block_row * side
+        for row in range(top, min(top + side, height)):
             solid_angle, level, upward = row_factors[row]
             for k in range(len(line)):
                 r = g = b = x = z = 0.0
-                first = k * cells_per_block
-                for column in range(first, min(first + cells_per_block, width)):
+                first = k * side
+                for column in range(first, min(first + side, width)):
                     # float64 before any product: single cells may be as bright as float32 goes.
                     cell_r = np.float64(radiance[row, column, 0])
                     cell_g = np.float64(radiance[row, column, 1])

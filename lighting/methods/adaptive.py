@@ -21,11 +21,12 @@ from numpy.typing import NDArray
 
 from lighting import harmonics, prediction
 from lighting.block_grid import BlockGrid, block_grid, coarsened
-from lighting.cell_tree import EMPTY_TREE, CellTree, grow_tree, tree_sums
+from lighting.cell_tree import EMPTY_TREE, CellTree
 from lighting.environment import EnvironmentMap
+from lighting.filled_cells import FilledCells, FilledMap, fill_and_cut
 from lighting.key_lights import MOST_KEY_LIGHTS, take_key_lights
-from lighting.smooth_fill import FillShape, fit_fill, less_fill
-from lighting.summed_area import block_sums, summed_area_tables
+from lighting.smooth_fill import FillShape
+from lighting.summed_area import block_sums
 
 Array = NDArray[np.float64]
 
@@ -52,8 +53,6 @@ class Memory:
 
     Attributes
     ----------
-    rows : int
-        Rows of the blocks that were cut into cells.
     shape : FillShape
     turn : int
         Frames so far: which other fill is tried next.
@@ -64,7 +63,6 @@ class Memory:
         Where the light of each cell of the tree stands, or would.
     """
 
-    rows: int
     shape: FillShape
     turn: int
     key_directions: Array
@@ -99,21 +97,6 @@ class Reduced(NamedTuple):
     block_rows: int | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class _Candidate:
-    """Lights for every count, with one fill."""
-
-    shape: FillShape
-    tree: CellTree
-    was: NDArray[np.int64]
-    directions: Array
-    irradiance: Array
-    radius: Array
-    fill: Array
-    shortage: Array  # (n, 3), of the fill's integral
-    errors: Array  # of 0, 1, … lights
-
-
 def adaptive(environment: EnvironmentMap, count: int) -> Reduced:
     """Return at most `count` lights, and a fill, for a map by itself.
 
@@ -124,8 +107,9 @@ def adaptive(environment: EnvironmentMap, count: int) -> Reduced:
         Number of lights, key lights included, at least 1. Fewer are returned if lights and fill
         hold all the light with fewer: none for a map of one colour.
     """
-    blocks = block_sums(environment.radiance)
-    return adaptive_next(blocks, block_grid(environment.height), count)[0]
+    rows = block_rows(count, None)
+    blocks = block_sums(environment.radiance, rows)
+    return adaptive_next(blocks, block_grid(environment.height, rows), count)[0]
 
 
 def adaptive_of_blocks(blocks: Array, count: int) -> Reduced:
@@ -164,13 +148,10 @@ def adaptive_next(
     if not blocks[..., 0].any():
         nothing = np.empty((0, 3))
         return Reduced(nothing, nothing, np.empty(0)), None
-    rows = 64 if count <= 64 or error else 128 if count <= 256 else 256
-    if memory is not None and memory.rows != min(rows, grid.rows):
-        memory = None
-    key_rows = max(rows, _KEY_ROWS)
+    rows = _cell_rows(count, error)
     least_share = error / 2 if error else max(0.005, 1 / (3 * count))
-    fine = coarsened(blocks, key_rows)
-    grid = grid.coarser(key_rows)
+    fine = coarsened(blocks, block_rows(count, error))
+    grid = grid.coarser(block_rows(count, error))
     keys = take_key_lights(
         fine,
         grid,
@@ -182,21 +163,26 @@ def adaptive_next(
     from_keys = as_keys.T @ keys.irradiance
     grid = grid.coarser(rows)
     rest = coarsened(keys.rest, rows)
-    cells = count - len(keys.directions)
-
     received = prediction.map_responses(rest, grid)
     scale = float(np.sqrt(np.mean((received + from_keys) ** 2)))
+    whole = rest.sum(axis=0).sum(axis=0)[4:]  # in this order ten times as fast
+    filled = FilledMap(rest, grid, received, scale, whole)
     candidates = [
-        _candidate(rest, grid, cells, shape, received, scale, memory)
+        fill_and_cut(
+            filled,
+            shape,
+            count - len(keys.directions),
+            memory.tree if memory and memory.shape == shape else EMPTY_TREE,
+            is_every_number=error is not None,
+        )
         for shape in _shapes_to_try(memory)
     ]
-    chosen, number = _choose(candidates, cells, error, memory)
+    chosen, number, predicted = _choose(candidates, error, memory)
 
     tree = chosen.tree.prefix(number)
     kept = tree.leaves()
-    directions = _held(chosen, memory)
+    directions = _held(chosen, memory)[: len(tree.cuts)]
     irradiance = chosen.irradiance[kept]
-    whole = rest[..., 4:].sum(axis=(0, 1))
     fill_integral = harmonics.integral(chosen.fill)
     # What is next to nothing, the fill may hold as well.
     faint = _FAINT * whole * (fill_integral > 0)
@@ -208,17 +194,23 @@ def adaptive_next(
     reduced = Reduced(
         np.concatenate([keys.directions, directions[kept]]),
         np.concatenate([keys.irradiance, irradiance]),
-        np.concatenate([keys.angular_radius_rad, chosen.radius[kept]]),
+        np.concatenate([keys.angular_radius_rad, chosen.angular_radius_rad[kept]]),
         len(keys.directions),
         chosen.fill * np.maximum(dimming, 0.0),
-        float(chosen.errors[number]),
+        predicted,
         grid.rows,
     )
     turn = memory.turn + 1 if memory else 0
-    left = Memory(
-        grid.rows, chosen.shape, turn, keys.directions, tree, directions[: len(tree.cuts)]
-    )
-    return reduced, left
+    return reduced, Memory(chosen.shape, turn, keys.directions, tree, directions)
+
+
+def block_rows(count: int, error: float | None) -> int:
+    """Return the most rows of blocks that `adaptive_next` makes use of."""
+    return max(_cell_rows(count, error), _KEY_ROWS)
+
+
+def _cell_rows(count: int, error: float | None) -> int:
+    return 64 if count <= 64 or error else 128 if count <= 256 else 256
 
 
 def _shapes_to_try(memory: Memory | None) -> tuple[FillShape, ...]:
@@ -230,82 +222,22 @@ def _shapes_to_try(memory: Memory | None) -> tuple[FillShape, ...]:
     return (memory.shape, other) if not is_next and other != memory.shape else (memory.shape,)
 
 
-def _candidate(
-    rest: Array,
-    grid: BlockGrid,
-    count: int,
-    shape: FillShape,
-    received: Array,
-    scale: float,
-    memory: Memory | None,
-) -> _Candidate:
-    fill = fit_fill(rest, grid, shape)
-    left, positive = less_fill(rest, grid, fill)
-    moments, lit = summed_area_tables(positive)
-    before = memory.tree if memory and memory.shape == shape else EMPTY_TREE
-    tree, was = grow_tree(moments, lit, count, before)
-    sums = tree_sums(left, tree)
-    directions, irradiance, radius = _lights(sums, tree_sums(positive, tree))
-    fill_integral = harmonics.integral(fill)
-    shortage = np.divide(
-        irradiance - sums[:, 4:],
-        fill_integral,
-        out=np.zeros_like(irradiance),
-        where=fill_integral > 0,
-    )
-    from_fill = prediction.fill_responses(fill, grid)
-    errors = prediction.errors_by_count(
-        tree.first_part,
-        irradiance,
-        prediction.responses(directions, radius),
-        received,
-        from_fill,
-        shortage,
-        scale,
-    )
-    whole = rest[..., 4:].sum(axis=(0, 1))
-    gain = np.divide(whole, fill_integral, out=np.zeros(3), where=fill_integral > 0)
-    without = float(np.sqrt(np.mean((received - from_fill * gain) ** 2))) / scale
-    return _Candidate(
-        shape, tree, was, directions, irradiance, radius, fill, shortage, np.append(without, errors)
-    )
-
-
-def _lights(sums: Array, positive: Array) -> tuple[Array, Array, Array]:
-    """Return directions, irradiance and radii of cells from what the fill leaves of them.
-
-    Of a cell that the fill leaves more than a trace of, the light stands at the exact centroid, so
-    that a surface that sees all of the cell receives exactly its light; otherwise at the centroid
-    of the positive part.
-    """
-    power, moment = sums[:, 0], sums[:, 1:4]
-    length = np.linalg.norm(moment, axis=1)
-    is_plain = (power > 1e-3 * positive[:, 0]) & (length <= power)
-    power = np.where(is_plain, power, positive[:, 0])
-    moment = np.where(is_plain[:, None], moment, positive[:, 1:])
-    length = np.linalg.norm(moment, axis=1)
-    directed = length > 1e-9 * power
-    directions = np.tile([0.0, 1.0, 0.0], (len(sums), 1))
-    directions[directed] = moment[directed] / length[directed, None]
-    resultant = np.divide(length, power, out=np.ones_like(power), where=power > 0)
-    return directions, np.maximum(sums[:, 4:], 0.0), np.arccos(np.clip(2 * resultant - 1, 0.0, 1.0))
-
-
 def _choose(
-    candidates: list[_Candidate], most: int, error: float | None, memory: Memory | None
-) -> tuple[_Candidate, int]:
-    """Return the candidate to take, and its number of lights; the first is today's."""
+    candidates: list[FilledCells], error: float | None, memory: Memory | None
+) -> tuple[FilledCells, int, float]:
+    """Return what to take, its number of lights and its error; the first candidate is today's."""
     if error is None:
-        numbers = [min(most, len(c.errors) - 1) for c in candidates]
-        costs = [float(c.errors[n]) for c, n in zip(candidates, numbers, strict=True)]
+        at = [0] * len(candidates)
+        costs = [float(cells.errors[0]) for cells in candidates]
     else:
-        numbers = [_fewest(c.errors, error / SAFETY, memory) for c in candidates]
+        at = [_fewest(cells.errors, error / SAFETY, memory) for cells in candidates]
         # Of as many lights, the fill of the lower order.
-        costs = [n + c.shape.order / 4 for c, n in zip(candidates, numbers, strict=True)]
+        costs = [n + cells.shape.order / 4 for cells, n in zip(candidates, at, strict=True)]
     best = int(np.argmin(costs))
     if memory is not None and costs[best] > _BETTER * costs[0]:
         best = 0
-    return candidates[best], numbers[best]
+    cells = candidates[best]
+    return cells, int(cells.numbers[at[best]]), float(cells.errors[at[best]])
 
 
 def _fewest(errors: Array, error: float, memory: Memory | None) -> int:
@@ -319,17 +251,17 @@ def _fewest(errors: Array, error: float, memory: Memory | None) -> int:
     return fewest
 
 
-def _held(candidate: _Candidate, memory: Memory | None) -> Array:
+def _held(cells: FilledCells, memory: Memory | None) -> Array:
     """Return where the light of each cell stands: its centroid, but for the backlash."""
-    directions = candidate.directions
-    if memory is None or memory.shape != candidate.shape:
+    directions = cells.directions
+    if memory is None or memory.shape != cells.shape:
         return directions
     held = directions.copy()
-    stays = candidate.was >= 0
-    before = memory.directions[candidate.was[stays]]
+    stays = cells.was >= 0
+    before = memory.directions[cells.was[stays]]
     chord = directions[stays] - before
     distance = np.linalg.norm(chord, axis=1)
-    slack = _BACKLASH * candidate.radius[stays]
+    slack = _BACKLASH * cells.angular_radius_rad[stays]
     part = np.where(distance > slack, 1 - slack / np.maximum(distance, 1e-300), 0.0)
     moved = before + part[:, None] * chord
     held[stays] = moved / np.linalg.norm(moved, axis=1, keepdims=True)
