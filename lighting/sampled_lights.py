@@ -62,7 +62,7 @@ def lights_of_samples(
     directions, density = directions_and_density(radiance, integral, cells, fractions)
     light = radiance[cells[:, 0], cells[:, 1]].astype(np.float64)
     irradiance = light / (len(cells) * density)[:, None]
-    return directions, _with_sum(irradiance, integral), _cone_radius(1 / (len(cells) * density))
+    return directions, with_sum(irradiance, integral), cone_radius(1 / (len(cells) * density))
 
 
 def directions_and_density(
@@ -80,7 +80,7 @@ def directions_and_density(
     return directions, luminance(radiance[rows, columns].astype(np.float64)) / power
 
 
-def _with_sum(irradiance: Array, total: Array) -> Array:
+def with_sum(irradiance: Array, total: Array) -> Array:
     """Return irradiance (n, 3) scaled per channel to sum to `total` (3,)."""
     caught = irradiance.sum(axis=0)
     lit = caught > 0
@@ -88,7 +88,7 @@ def _with_sum(irradiance: Array, total: Array) -> Array:
     return irradiance * factor + np.where(lit, 0.0, total / len(irradiance))
 
 
-def _cone_radius(solid_angle_sr: Array) -> Array:
+def cone_radius(solid_angle_sr: Array) -> Array:
     """Return the angle in rad between axis and edge of a cone, at most π/2."""
     share = np.minimum(solid_angle_sr / (4 * np.pi), 0.5)
     return 2 * np.arcsin(np.sqrt(share))

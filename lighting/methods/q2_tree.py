@@ -1,9 +1,9 @@
 """Spherical Q2-tree: a quadtree of curved quadrilaterals of equal area, parted where it matters.
 
 The sphere is twelve quadrilaterals of equal area, each is four, and so on without end: the grid of
-HEALPix [2]_ under the tree of [1]_. The quadrilateral that matters most is parted next; a
-leaf is one light, all that its blocks hold. Quadrilaterals stand where they do whatever the map
-shows, so light that changes in one place leaves the lights of other leaves as they are.
+HEALPix (equal_area_chart.py) under the tree of [1]_. The quadrilateral that matters most is parted
+next; a leaf is one light, all that its blocks hold. Quadrilaterals stand where they do whatever the
+map shows, so light that changes in one place leaves the lights of other leaves as they are.
 
 Domain : world frame, poles of the grid at ±Y. Unseen cells count as what they hold.
 Input  : EnvironmentMap, or sums over blocks (summed_area.py).
@@ -17,8 +17,6 @@ References
 ----------
 .. [1] L. Wan, T.-T. Wong, C.-S. Leung, "Spherical Q2-tree for Sampling Dynamic Environment
        Sequences", Eurographics Symposium on Rendering, 2005.
-.. [2] K. M. Górski et al., "HEALPix: A Framework for High-Resolution Discretization and Fast
-       Analysis of Data Distributed on the Sphere", The Astrophysical Journal 622, 2005.
 """
 
 import heapq
@@ -30,6 +28,7 @@ from numpy.typing import NDArray
 
 from lighting.cell_splitting import Array, lights_of_sums
 from lighting.environment import EnvironmentMap
+from lighting.equal_area_chart import on_chart
 from lighting.summed_area import block_sums
 
 _LEVELS = 26
@@ -85,14 +84,10 @@ def quadrilateral_codes(directions: Array) -> NDArray[np.int64]:
     It is the face, 0 to 11, and then two bits a level, so quadrilaterals of any level are ranges of
     numbers. Faces 0 to 3 touch +Y, 4 to 7 stand astride the equator, 8 to 11 touch −Y.
     """
-    height = directions[:, 1]
     turn = np.arctan2(directions[:, 0], directions[:, 2]) / (np.pi / 2) % 4.0
-    # In the plane where faces are squares on a corner: t runs around in quarter turns, u up to ±1.
+    # On the chart faces are squares on a corner.
+    t, u = on_chart(turn, directions[:, 1])
     quarter = np.minimum(np.floor(turn), 3)
-    cap = np.minimum(np.sqrt(3 * np.maximum(1 - np.abs(height), 0)), 1)
-    is_equatorial = cap == 1
-    u = np.where(is_equatorial, 0.75 * height, np.sign(height) * (1 - cap / 2))
-    t = np.where(is_equatorial, turn, quarter + 0.5 + (turn - quarter - 0.5) * cap)
     # Along their sides faces are unit squares. At a pole, rounding must not leave the face.
     rising = np.clip(t + u + 0.5, quarter, quarter + 2 - 1e-12)
     falling = np.clip(t - u + 0.5, quarter, quarter + 2 - 1e-12)
