@@ -60,8 +60,6 @@ def most_lights(count: int | str, error: float | None, method: str) -> tuple[int
                 f"give --count {AUTO} with it"
             )
         return count, None
-    if method in METHODS and method != ADAPTIVE:
-        raise InputError(
-            f"--count {AUTO} is for --method {ADAPTIVE}; {method} needs a number of lights"
-        )
+    if method != ADAPTIVE:
+        raise InputError(f"--count {AUTO} is for --method {ADAPTIVE}, not for {method}")
     return MOST_LIGHTS_FOR_ERROR, DEFAULT_ERROR if error is None else error

@@ -62,7 +62,7 @@ def lights(
         f"∫ L dω {red:.4g} {green:.4g} {blue:.4g} ({light_set.scale} × sr)"
     )
     if error is not None and (light_set.predicted_error or 0.0) > error:
-        print(f"  that is above {error:.2%}: no more than {most} lights are tried")
+        print(f"  the error of {error:g} is not met: no more than {most} lights are tried")
     for remark in cleaned.remarks:
         print(f"  {remark}")
     if light_set.clipped_fraction > 0:

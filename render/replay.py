@@ -27,6 +27,8 @@ from capture.output import write_json
 from capture.picture_memory import PictureMemory
 from capture.progress import progress
 from capture.recording import Recording, open_recording
+from lighting.blocks import BlockSums
+from lighting.environment import EnvironmentMap
 from lighting.light_stream import LightPlan, StreamMemory, next_lights
 from lighting.reduce import BLOCK_METHODS
 from lighting.remap import apply_remap, build_remap
@@ -142,14 +144,15 @@ def replay(
             with clock.stage("merge"):
                 image = merge_bracket(bracket, recording.sensor, picture_memory)
             counters.merged += 1
-            if source_blocks is not None:
-                with clock.stage("blocks"):
-                    blocks = apply_source_blocks(source_blocks, image)
             with clock.stage("remap"):
                 environment = apply_remap(remap, image)
+            view: EnvironmentMap | BlockSums = environment
+            if source_blocks is not None:
+                with clock.stage("blocks"):
+                    view = apply_source_blocks(source_blocks, image)
             with clock.stage("lights"):
                 lights, memory = next_lights(
-                    environment if source_blocks is None else blocks,
+                    view,
                     plan,
                     memory,
                     took_ms=took_ms,
@@ -159,7 +162,7 @@ def replay(
             light_counts.append(memory.found)
             if lights.predicted_error is not None:
                 predicted_errors.append(lights.predicted_error)
-            clipped_count += lights.clipped_fraction > 0
+            clipped_count += bool(view.clipped.any())
             with clock.stage("render"):
                 radiance = renderer.render(lights, environment)
             counters.rendered += 1

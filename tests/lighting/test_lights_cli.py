@@ -12,10 +12,12 @@ from capture.errors import InputError
 from capture.exr import write_exr
 from lighting.environment import EnvironmentMap
 from lighting.environment_files import read_environment, write_environment
+from lighting.light_arguments import DEFAULT_ERROR
 from lighting.light_files import read_lights
 from lighting.lights_cli import lights
-from lighting.reduce import reduce_to_lights
+from lighting.reduce import METHODS, reduce_to_lights
 from lighting.remap_cli import remap
+from render.main import main
 from tests.environments import environment, outdoors
 
 DATA = Path(__file__).resolve().parents[2].parent / "shared/data"
@@ -37,7 +39,80 @@ def test_writes_the_lights_of_the_map(map_path, tmp_path, capsys):
     np.testing.assert_array_equal(written.irradiance, expected.irradiance)
     printed = capsys.readouterr().out
     assert printed.count("\n") == 1
-    assert "map.exr: 10 lights by inverse-cdf" in printed
+    assert "map.exr: 10 lights by adaptive" in printed
+    assert f"fill of order {expected.fill_order}" in printed
+    assert f"predicted error {expected.predicted_error:.2%}; block rows 16;" in printed
+    total = " ".join(f"{channel:.4g}" for channel in expected.integral())
+    assert f"∫ L dω {total} (relative × sr)" in printed
+
+
+def test_says_nothing_of_what_a_method_does_not_have(map_path, tmp_path, capsys):
+    lights(map_path, output=tmp_path / "lights.json", count=10, method="inverse-cdf")
+    printed = capsys.readouterr().out
+    assert "map.exr: 10 lights by inverse-cdf; ∫ L dω" in printed
+
+
+@pytest.mark.parametrize("error", [None, 0.2, 0.01])
+def test_auto_takes_as_few_lights_as_meet_the_error(map_path, tmp_path, error):
+    output = tmp_path / "lights.json"
+    lights(map_path, output=output, count="auto", error=error)
+    expected = reduce_to_lights(
+        read_environment(map_path)[0], 512, error=DEFAULT_ERROR if error is None else error
+    )
+    assert 0 < len(expected) < 400
+    np.testing.assert_array_equal(read_lights(output).directions, expected.directions)
+    assert read_lights(output).predicted_error == expected.predicted_error
+
+
+def test_auto_at_the_source(camera_files, tmp_path):
+    picture, calibration = camera_files
+    output = tmp_path / "lights.json"
+    lights(picture, output=output, calibration=calibration, count="auto", fill="mean")
+    assert len(read_lights(output)) == 0  # all of one colour
+    assert read_lights(output).fill_order == 0
+
+
+def test_tells_of_an_error_that_cannot_be_met(map_path, tmp_path, capsys):
+    lights(map_path, output=tmp_path / "lights.json", count="auto", error=1e-6)
+    assert "the error of 1e-06 is not met: no more than 512 lights" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (["--count", "10", "--error", "0.02"], "--count 10; give --count auto"),
+        (["--error", "0.02"], "--count 64; give --count auto"),
+        (["--count", "auto", "--method", "cells"], "--count auto is for --method adaptive"),
+        (["--count", "auto", "--error", "5"], "between 0 and 1, got 5"),
+        (["--count", "auto", "--error", "nan"], "between 0 and 1, got nan"),
+        (["--count", "auto", "--method", "magic"], "not for magic"),
+        (["--count", "many"], "a whole number or auto, got 'many'"),
+        (["--count", "2.5"], "a whole number or auto, got '2.5'"),
+    ],
+)
+def test_wrong_wishes_are_one_line(map_path, tmp_path, capsys, wrong, message):
+    with pytest.raises(SystemExit, match="2"):
+        main(["lights", str(map_path), "-o", str(tmp_path / "lights.json"), *wrong])
+    printed = capsys.readouterr().err
+    assert message in printed
+    assert printed.count("\n") == 1
+    assert not (tmp_path / "lights.json").exists()
+
+
+def test_the_help_names_every_method(capsys):
+    with pytest.raises(SystemExit, match="0"):
+        main(["lights", "--help"])
+    words = capsys.readouterr().out.replace("│", " ").split()
+    assert METHODS.keys() <= {word.strip(",.") for word in words}
+
+
+def test_tells_what_was_done_to_the_file(tmp_path, capsys):
+    channels = {"Y": np.ones((8, 16), np.float32)}
+    channels["Y"][0, 0] = np.nan
+    write_exr(tmp_path / "map.exr", channels, {})
+    lights(tmp_path / "map.exr", output=tmp_path / "lights.json")
+    printed = capsys.readouterr().out
+    assert "  luminance repeated to grey\n  set to 0 in the file: 3 NaN values\n" in printed
 
 
 @pytest.mark.parametrize("fill", ["black", "mean", "mirror"])
@@ -57,8 +132,7 @@ def test_what_the_remap_filled_lights_too(tmp_path, fill):
     lights(tmp_path / "map.exr", output=tmp_path / "lights.json")
     filled = read_lights(tmp_path / "lights.json")
     share = 0.5 if fill == "black" else 1.0
-    np.testing.assert_allclose(filled.irradiance.sum(axis=0), share * 4 * np.pi * 2, rtol=1e-3)
-    assert (filled.directions[:, 1] < 0).any() == (fill != "black")
+    np.testing.assert_allclose(filled.integral(), share * 4 * np.pi * 2, rtol=1e-3)
 
 
 def test_tells_of_a_clipped_sun(tmp_path, capsys):
@@ -119,7 +193,7 @@ def test_an_existing_output_is_kept_unless_forced(map_path, tmp_path):
         lights(map_path, output=output)
     assert output.read_text() == "mine"
     lights(map_path, output=output, force=True)
-    assert len(read_lights(output)) == 64
+    assert len(read_lights(output)) > 0
 
 
 def test_a_wrong_count_leaves_no_file(map_path, tmp_path):
@@ -145,7 +219,7 @@ def test_captured_maps_keep_their_energy(name, tmp_path):
         pytest.skip(f"{path} is not here: captures are not part of the project")
     output = tmp_path / "lights.json"
     lights(path, output=output)
-    total = read_lights(output).irradiance.sum(axis=0)
+    total = read_lights(output).integral()
     # What a lights file must add up to, from the file itself and in plain numpy.
     radiance = read_environment(path)[0].radiance.astype(np.float64)
     edges = np.cos(np.linspace(0, np.pi, len(radiance) + 1))

@@ -31,7 +31,7 @@ def test_a_picture_of_the_default_scene(tmp_path, lights, capsys):
     # Auto exposure: the log-mean of the scene is middle grey, code 118.
     assert 60 < np.median(picture) < 180
     printed = capsys.readouterr().out
-    assert "4 lights" in printed
+    assert "lights 4" in printed
     assert printed.count("\n") == 1
 
 
