@@ -132,7 +132,9 @@ def steady(lights: LightSet, memory: Memory | None = None) -> tuple[LightSet, Me
     if not lights.integral().any() or not last.integral().any():
         share = 1.0  # there is nothing to mix with
     (directions, irradiance, angular_radius_rad, is_key), left_over = mixed(last, lights, share)
-    fill = last.fill + share * (lights.fill - last.fill)
+    # Written so that a fill which stays the same does so to the last bit, and that what is left of
+    # a bright one does not round a dim one below zero.
+    fill = lights.fill + (1 - share) * (last.fill - lights.fill)
     fill[0] += left_over / np.sqrt(4 * np.pi)
     shown = replace(
         lights,

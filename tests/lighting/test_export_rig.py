@@ -67,6 +67,13 @@ def test_without_a_map_all_lights_are_written_and_their_fill_is_the_dome():
     np.testing.assert_allclose(true_irradiance(towards, rig.dome), expected, rtol=5e-4)
 
 
+def test_a_fill_that_is_rounded_below_zero_is_a_dome_that_is_not():
+    fill = np.zeros((9, 3))
+    fill[0] = 1.0, 0.0, -1e-10
+    rig = light_rig(replace(lamps(), fill=fill))
+    np.testing.assert_array_equal(rig.dome.radiance[..., 1:], 0)
+
+
 @pytest.mark.parametrize("environment", [None, room(16)])
 def test_lights_that_have_gone_out_are_not_written(environment):
     # temporal.py leaves lights without irradiance behind, key lights among them.

@@ -310,6 +310,18 @@ def test_light_without_a_light_to_take_it_becomes_fill():
     np.testing.assert_allclose(frames[-1].fill, even, atol=2e-3)
 
 
+@settings(deadline=None, max_examples=30)
+@given(seed=SEEDS, power=st.sampled_from([1e-6, 1e-8, 1e-12]))
+def test_a_fill_that_all_but_goes_out_stays_above_zero(seed, power):
+    # Windowed fills are black in one direction, where rounding shows first; LightSet refuses less.
+    coefficients = np.random.default_rng(seed).standard_normal((2, 9, 3))
+    coefficients[:, 0] = 0.5
+    bright, dim = (harmonics.windowed(each) for each in coefficients)
+    sets = [replace(DARK, fill=bright)] * 20 + [replace(DARK, fill=power * dim)] * 60
+    frames, _ = shown(timed(sets))
+    assert frames[-1].integral()[0] < 1e-3
+
+
 def test_the_clipped_share_is_that_of_the_light_shown():
     clear = one_light(1.0)
     sets = timed([clear, replace(clear, clipped_fraction=0.5)])
