@@ -1,9 +1,9 @@
 """Irradiance from lights with an extent: uniform discs that a surface's horizon may cut.
 
-Domain : world frame; discs of any angular radius, 0 to π, each of unit ∫L dω.
+Domain : world frame; discs of angular radius 0 to π/2, each of unit ∫L dω.
 Cost   : about 1 µs a light, once a picture; the shader evaluates what `irradiance_curves` returns.
-Fails  : discs below 1e-4 rad would lose digits, so they are points. The curve errs by up to 0.4 %
-         of what the disc gives a surface that faces it.
+Fails  : discs below 1e-4 rad would lose digits, so they are points. The curve errs by up to 0.06 %
+         of ∫L dω for discs of up to 60°, by 0.3 % for wider ones.
 
 Of a disc of radius a at the angle acos μ from a normal, what it gives wholly above the horizon,
 (1 + cos a)/2 · μ, is the odd part of its irradiance over μ twice; the even part is |μ| wherever the
@@ -31,24 +31,20 @@ def moment_above(directions: Array, angular_radius_rad: Array) -> Array:
     directions : (K, 3) float64
         Unit vectors toward the discs' centres.
     angular_radius_rad : (K,) float64
-        0 to π. A disc of radius 0 is a point.
+        0 to π/2. A disc of radius 0 is a point.
     """
-    # A disc of more than a hemisphere is the sphere less the disc around its opposite.
-    is_wide = angular_radius_rad > np.pi / 2
-    axis = np.where(is_wide[:, None], -directions, directions)
-    cosine, sine = np.abs(np.cos(angular_radius_rad)), np.sin(angular_radius_rad)
-    up = axis[:, 1]
+    cosine, sine = np.cos(angular_radius_rad), np.sin(angular_radius_rad)
+    up = directions[:, 1]
     level = np.sqrt(np.maximum(1 - up * up, 0.0))
     half_arc = np.arccos(np.clip(-cosine * up / np.maximum(sine * level, _TINY), -1, 1))
     half_chord = np.arccos(np.minimum(cosine / np.maximum(level, _TINY), 1))
     vertical = np.array([0.0, 1.0, 0.0])
-    toward_zenith = (vertical - up[:, None] * axis) / np.maximum(level, _TINY)[:, None]
+    toward_zenith = (vertical - up[:, None] * directions) / np.maximum(level, _TINY)[:, None]
     moment = (
-        (sine**2 * half_arc)[:, None] * axis
+        (sine**2 * half_arc)[:, None] * directions
         - (sine * cosine * np.sin(half_arc))[:, None] * toward_zenith
         + half_chord[:, None] * vertical
     )
-    moment[is_wide] = np.pi * vertical - moment[is_wide]
     is_point = angular_radius_rad < _SMALLEST_RADIUS_RAD
     solid_angle = 4 * np.pi * np.sin(np.maximum(angular_radius_rad, _SMALLEST_RADIUS_RAD) / 2) ** 2
     moment /= solid_angle[:, None]
@@ -68,7 +64,7 @@ def cut_at_horizon(
     Parameters
     ----------
     directions, irradiance, angular_radius_rad : (K, 3), (K, 3), (K,) float64
-        As in `LightSet`.
+        As in `LightSet`, radii up to π/2.
     """
     up = directions[:, 1]
     is_cut = np.arcsin(np.clip(up, -1, 1)) < angular_radius_rad
@@ -85,31 +81,26 @@ def cut_at_horizon(
 
 
 def irradiance_curves(angular_radius_rad: Array) -> Array:
-    """Return the irradiance of discs as a function of μ = n·l, as shade.frag evaluates it, (K, 6).
+    """Return the irradiance of discs as a function of μ = n·l, as shade.frag evaluates it, (K, 5).
 
-    The columns are half, offset, s, 1/s², p and q of
-    half · (μ + m), m = max(|μ|, s − (1 − t)(p + q t)), t = min(μ²/s², 1), s = sin a.
-    A disc of more than a hemisphere has an offset above 0, and offset − m in place of m. The even
-    part m is exact at μ = 0 and ±s/√2, and wherever the horizon does not cut the disc.
+    The columns are half, s, −1/s², p and q of half · (μ + m) with s = sin a,
+    m = max(|μ|, s − t (p + q t)), t = max(1 − μ²/s², 0).
+    The even part m is exact at μ = 0 and ±s/√2, and wherever the horizon does not cut the disc.
     """
     is_point = angular_radius_rad < _SMALLEST_RADIUS_RAD
-    radius = np.where(is_point, 0.0, angular_radius_rad)
-    half = (1 + np.cos(radius)) / 4
-    is_wide = radius > np.pi / 2
-    # All of ∫|n·d| dω that the disc around the opposite does not take; a full sphere has half 0.
-    half = np.where(is_wide, np.maximum(half, 1e-6), half)
-    offset = is_wide / (2 * np.maximum(1 - np.cos(radius), 1) * half)
-    narrow = np.maximum(np.minimum(radius, np.pi - radius), _SMALLEST_RADIUS_RAD)
-    s = np.sin(narrow)
-    p = s - _even_part(np.zeros_like(s), narrow)
-    q = 4 * (s - _even_part(s / np.sqrt(2), narrow)) - 2 * p
-    curves = np.stack([half, offset, s, 1 / s**2, p, q], axis=-1)
-    curves[is_point, 2:] = 0.0
+    radius = np.maximum(angular_radius_rad, _SMALLEST_RADIUS_RAD)
+    half = np.where(is_point, 0.5, (1 + np.cos(radius)) / 4)
+    s = np.sin(radius)
+    at_horizon = s - _even_part(np.zeros_like(s), radius)  # p + q
+    between = s - _even_part(s / np.sqrt(2), radius)  # p / 2 + q / 4
+    p = 4 * between - at_horizon
+    curves = np.stack([half, s, -1 / s**2, p, at_horizon - p], axis=-1)
+    curves[is_point, 1:] = 0.0
     return curves
 
 
 def _even_part(cosine: Array, angular_radius_rad: Array) -> Array:
-    """Return m of `irradiance_curves`, exact, for discs of less than a hemisphere."""
+    """Return m of `irradiance_curves`, exact."""
     level = np.sqrt(1 - cosine * cosine)
     directions = np.stack([level, cosine, np.zeros_like(cosine)], axis=-1)
     received = moment_above(directions, angular_radius_rad)[:, 1]

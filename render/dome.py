@@ -3,7 +3,7 @@
 Input  : harmonics of radiance (9, 3).    Output : lights, of the same directions for every fill.
 Cost   : a matrix product a picture; the cells are laid out once, in 50 ms.
 Fails  : the light of a cell comes from one direction, so an occluder hides all of it or none
-         (tests/limits/test_render_hard_shadows.py). In the open irradiance is within 0.5 %.
+         (tests/limits/test_render_hard_shadows.py). In the open irradiance is within 0.2 % (rms).
 """
 
 from functools import cache
@@ -12,14 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting import harmonics
-from lighting.block_grid import block_grid
 from lighting.error_measures import spread_directions
+from lighting.latlong import cell_directions, solid_angles
 
 Array = NDArray[np.float64]
 
-CELLS = 32
-"""Over the sphere: half of them reach a scene with a ground."""
-_GRID_ROWS = 64  # even, so that the horizon is a border between blocks
+CELLS = 48
+"""Over the sphere; half of them reach a scene with a ground, and each costs what a light does. The
+picture of a sphere on the ground errs by 2.8, 2.1 and 1.7 % with 32, 48 and 64."""
+_GRID_ROWS = 64  # even, so that the horizon is a border between its cells
 _ROUNDS = 20
 
 
@@ -37,7 +38,10 @@ def dome_lights(fill: Array, *, upper_only: bool) -> tuple[Array, Array, Array]:
     """
     directions, radius_rad, response = _cells()
     part = slice(CELLS // 2 if upper_only else CELLS)
-    return directions[part], np.maximum(response[part] @ fill, 0.0), radius_rad[part]
+    irradiance = np.maximum(response @ fill, 0.0)  # next to zeros of the fill it can be below
+    total = irradiance.sum(axis=0)
+    irradiance *= np.divide(harmonics.integral(fill), total, out=np.zeros(3), where=total > 0)
+    return directions[part], irradiance[part], radius_rad[part]
 
 
 @cache
@@ -47,20 +51,22 @@ def _cells() -> tuple[Array, Array, Array]:
     A cell is what lies nearest to one of the directions on its side of the horizon; those below
     are mirror images. Its disc has its mean resultant length (1 + cos a)/2, or touches the horizon.
     """
-    grid = block_grid(_GRID_ROWS)
-    upper = grid.area[: _GRID_ROWS // 2].reshape(-1, 4)
+    upper = cell_directions(_GRID_ROWS)[: _GRID_ROWS // 2].reshape(-1, 3)
+    solid_angle = np.repeat(solid_angles(_GRID_ROWS)[: _GRID_ROWS // 2], 2 * _GRID_ROWS)
+    moments = solid_angle[:, None] * upper
     directions = spread_directions(CELLS)[: CELLS // 2]
     for _ in range(_ROUNDS):  # Lloyd's: every direction is the mean of its cell
-        is_in = np.eye(CELLS // 2)[np.argmax(upper[:, 1:] @ directions.T, axis=1)].T
-        area = is_in @ upper
-        length = np.linalg.norm(area[:, 1:], axis=1)
-        directions = area[:, 1:] / length[:, None]
-    spread_rad = np.arccos(2 * length / area[:, 0] - 1)
+        is_in = np.eye(CELLS // 2)[np.argmax(upper @ directions.T, axis=1)].T
+        moment = is_in @ moments
+        length = np.linalg.norm(moment, axis=1)
+        directions = moment / length[:, None]
+    spread_rad = np.arccos(2 * length / (is_in @ solid_angle) - 1)
     radius_rad = np.tile(np.minimum(spread_rad, np.arcsin(directions[:, 1])), 2)
-    directions = np.concatenate([directions, directions * [1.0, -1.0, 1.0]])
-    blocks = grid.functions * grid.area[..., :1]
-    halves = blocks[: _GRID_ROWS // 2], blocks[_GRID_ROWS // 2 :][::-1]
-    response = np.concatenate([is_in @ half.reshape(-1, harmonics.COUNT) for half in halves])
+    mirror = np.array([1.0, -1.0, 1.0])
+    directions = np.concatenate([directions, directions * mirror])
+    response = np.concatenate(
+        [(is_in * solid_angle) @ harmonics.basis(half) for half in (upper, upper * mirror)]
+    )
     return directions, radius_rad, response @ np.linalg.inv(_seen(directions, radius_rad, response))
 
 

@@ -44,10 +44,12 @@ def reaching_lights(
     """Return direction, irradiance and angular radius of the lights that reach the scene.
 
     Left out are lights without power, and over a ground what is below its horizon, of a disc that
-    straddles it the part below: the ground is opaque, and everything stands on it.
+    straddles it the part below: the ground is opaque, and everything stands on it. A light of more
+    than a hemisphere becomes one of a hemisphere.
     """
     keep = np.any(lights.irradiance > 0, axis=1)
-    reaching = lights.directions[keep], lights.irradiance[keep], lights.angular_radius_rad[keep]
+    radius_rad = np.minimum(lights.angular_radius_rad[keep], 0.5 * np.pi)
+    reaching = lights.directions[keep], lights.irradiance[keep], radius_rad
     return reaching if scene.ground is None else cut_at_horizon(*reaching)
 
 
@@ -247,6 +249,5 @@ def pack_lights(
     packed[:, 4, :3] = irradiance
     packed[:, 4, 3] = curves[:, 0]
     packed[:, 5, :3] = tiles
-    packed[:, 5, 3] = curves[:, 1]
-    packed[:, 6] = curves[:, 2:]
+    packed[:, 6] = curves[:, 1:]
     return packed

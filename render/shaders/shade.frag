@@ -11,8 +11,8 @@ struct Light {
     vec4 row_depth;   // → depth, 0 … 1
     vec4 direction;   // toward the light; w widens α², for the light's angular radius
     vec4 irradiance;  // ∫L dω; w is `half` of the light's irradiance curve
-    vec4 tile;        // origin of the tile in the atlas (xy), its width there (z); w is `offset`
-    vec4 disc;        // s, 1/s², p and q of the curve
+    vec4 tile;        // origin of the tile in the atlas (xy), the tile's width in the atlas (z)
+    vec4 disc;        // s, −1/s², p and q of the curve
 };
 
 layout(std140) uniform Lights {
@@ -43,22 +43,19 @@ const float SMALLEST_SINE = 0.05;
 
 // Irradiance from a light of unit ∫L dω on a surface at this cosine to it: discs.irradiance_curves.
 float received(Light light, float cosine) {
-    float t = min(cosine * cosine * light.disc.y, 1.0);
-    float even = max(abs(cosine), light.disc.x - (1.0 - t) * (light.disc.z + light.disc.w * t));
-    float offset = light.tile.w;
-    return light.irradiance.w * (cosine + (offset > 0.0 ? offset - even : even));
+    float t = max(1.0 + cosine * cosine * light.disc.y, 0.0);
+    float even = max(abs(cosine), light.disc.x - t * (light.disc.z + t * light.disc.w));
+    return light.irradiance.w * (cosine + even);
 }
 
 float visibility(Light light, vec3 position, vec3 face_normal) {
     float cosine = dot(face_normal, light.direction.xyz);
     float sine = max(sqrt(max(1.0 - cosine * cosine, 0.0)), SMALLEST_SINE);
-    // A face that looks away from the middle of a disc sees the part beyond its own horizon, in
-    // directions that lean by that angle at least. Its look-up moves as far aside as they do from
-    // here to the end of the casters, which is out of the shadow of the body that it belongs to.
-    vec3 aside = face_normal - cosine * light.direction.xyz;
-    float lean_m = casters_m * max(-cosine, 0.0);
-    vec3 shifted = position + OFFSET_TEXELS * texel_m * sine * face_normal + lean_m * aside;
-    vec4 point = vec4(shifted, 1.0);
+    // A face that looks away from the middle of a disc sees the part above its own horizon, in
+    // directions that lean from the middle by that angle at least. The look-up moves as far as they
+    // lean within a scene's radius: out of the shadow of the body that the face belongs to.
+    float outward_m = OFFSET_TEXELS * texel_m * sine + casters_m * max(-cosine, 0.0);
+    vec4 point = vec4(position + outward_m * face_normal, 1.0);
     vec2 tile = vec2(dot(light.row_u, point), dot(light.row_v, point));
     // The outermost two texels of a tile are free of casters: outside is lit.
     tile = clamp(tile, texel_tile, 1.0 - texel_tile);
@@ -66,8 +63,8 @@ float visibility(Light light, vec3 position, vec3 face_normal) {
     // beyond its far side is as deep as that.
     float depth = dot(light.row_depth, point);
     float unoccluded = texture(atlas, vec3(light.tile.xy + light.tile.z * tile, depth));
-    // A light behind the face cannot reach it, whatever the interpolated normal says.
-    return received(light, cosine) > 0.0 ? unoccluded : 0.0;
+    // A disc behind the face cannot reach it, whatever the interpolated normal says.
+    return cosine > -light.disc.x ? unoccluded : 0.0;
 }
 
 void main() {

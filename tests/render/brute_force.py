@@ -6,7 +6,7 @@ Lights are points here: `as_points` makes many of each disc, and of a fill. It s
 scene's types and the harmonics' basis with the code under test.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,6 +42,20 @@ def as_points(lights: LightSet, per_light: int = 256, per_fill: int = 2048) -> L
         irradiance.append(harmonics.evaluate(lights.fill, everywhere) * 4 * np.pi / per_fill)
     points = np.concatenate(directions)
     return LightSet(points, np.concatenate(irradiance), np.zeros(len(points)))
+
+
+def away_from_outlines(scene: SphereScene, camera: Camera):
+    """Return where (H, W) a pixel and its neighbours all show the sphere, or all the ground.
+
+    On outlines a sphere and its polyhedron, or a round ground and its polygon, differ.
+    """
+    dark = LightSet(np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
+    covered = trace(scene, camera, dark)[..., 3]
+    on_sphere = trace(replace(scene, ground=None), camera, dark)[..., 3]
+    shown = np.pad(covered + on_sphere, 1, mode="edge")
+    height, width = covered.shape
+    around = [shown[j : j + height, i : i + width] for j in range(3) for i in range(3)]
+    return (covered == 1) & np.all(np.equal(around, around[4]), axis=0)
 
 
 def _around(axis, height):

@@ -34,6 +34,17 @@ def uniform_lights(count):
     return LightSet(directions, np.full((count, 3), 4 * np.pi / count), np.zeros(count))
 
 
+def uniform_fill(radiance):
+    """Grey of this radiance from everywhere, (9, 3)."""
+    fill = np.zeros((9, 3))
+    fill[0] = radiance * np.sqrt(4 * np.pi)
+    return fill
+
+
+def only_fill(fill):
+    return LightSet(np.empty((0, 3)), np.empty((0, 3)), np.empty(0), fill=fill)
+
+
 def selected(lights, indices):
     return LightSet(
         lights.directions[indices], lights.irradiance[indices], lights.angular_radius_rad[indices]
