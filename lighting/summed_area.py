@@ -136,6 +136,16 @@ def cell_sums(blocks, cells):  # type: ignore[no-untyped-def]
     return sums
 
 
+@njit(cache=True, nogil=True)
+def label_sums(blocks, labels, number):  # type: ignore[no-untyped-def]
+    """Return the sums (number, 7) of blocks (n, 7) that have the same label (n,), from 0."""
+    sums = np.zeros((number, 7))
+    for i in range(len(labels)):
+        for k in range(7):
+            sums[labels[i], k] += blocks[i, k]
+    return sums
+
+
 @lru_cache(maxsize=8)
 def _cell_integrals(height: int) -> tuple[Array, Array]:
     """Return factors of ∫dω and ∫d dω over a cell: rows (N, 3) and columns (2N, 2).

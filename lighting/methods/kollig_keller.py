@@ -23,11 +23,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lighting.block_grid import coarsened
 from lighting.cell_splitting import lights_of_sums
 from lighting.environment import EnvironmentMap
 from lighting.farthest_points import farthest_point_strata
 from lighting.nearest_site import TiledPoints, nearest_sites, tiled
-from lighting.summed_area import block_sums
+from lighting.summed_area import block_sums, label_sums
 
 Array = NDArray[np.float64]
 Labels = NDArray[np.int64]
@@ -78,7 +79,7 @@ def lloyd_of_blocks(blocks: Array, count: int) -> tuple[Array, Array, Array]:
     sums, points, tiles = _lit_blocks(blocks)
     labels = _spread_labels(points, tiles, min(count, len(sums)))
     labels = _relaxed(sums, points, labels, _LLOYD_STEPS)
-    return lights_of_sums(_sums_of_cells(sums, labels, labels.max() + 1))
+    return lights_of_sums(label_sums(sums, labels, labels.max() + 1))
 
 
 def kollig_keller(environment: EnvironmentMap, count: int) -> tuple[Array, Array, Array]:
@@ -112,19 +113,12 @@ def kollig_keller_of_blocks(blocks: Array, count: int) -> tuple[Array, Array, Ar
         return np.empty((0, 3)), np.empty((0, 3)), np.empty(0)
     sites = np.empty((0, 3))
     for rows, share in ((_COARSE_ROWS, 0.5), (len(blocks), 1.0)):
-        sums, points, tiles = _lit_blocks(_coarsened(blocks, rows))
+        sums, points, tiles = _lit_blocks(coarsened(blocks, rows))
         wanted = min(max(int(share * count), 1), len(sums))
         labels = _grown(sums, points, tiles, sites, wanted)
-        cells = _sums_of_cells(sums, labels, wanted)
+        cells = label_sums(sums, labels, wanted)
         sites = _centroids(cells)
     return lights_of_sums(cells)
-
-
-def _coarsened(blocks: Array, most_rows: int) -> Array:
-    """Return sums over larger blocks, a whole number of the given ones a side."""
-    factor = -(-len(blocks) // most_rows)
-    by_rows = np.add.reduceat(blocks, np.arange(0, blocks.shape[0], factor), axis=0)
-    return np.add.reduceat(by_rows, np.arange(0, blocks.shape[1], factor), axis=1)
 
 
 def _grown(sums: Array, points: TiledPoints, tiles: Labels, sites: Array, wanted: int) -> Labels:
@@ -138,7 +132,7 @@ def _grown(sums: Array, points: TiledPoints, tiles: Labels, sites: Array, wanted
         if number == wanted:
             return labels
         larger = min(max(int(number * _GROWTH), number + 1), wanted)
-        number = _part(sums, points.points, labels, _sums_of_cells(sums, labels, number), larger)
+        number = _part(sums, points.points, labels, label_sums(sums, labels, number), larger)
 
 
 def _lit_blocks(blocks: Array) -> tuple[Array, TiledPoints, Labels]:
@@ -161,7 +155,7 @@ def _relaxed(sums: Array, points: TiledPoints, labels: Labels, steps: int) -> La
     """Return the cell of each point (n,) after steps of Lloyd's relaxation; none goes empty."""
     number = int(labels.max()) + 1
     for _ in range(steps):
-        moved = _around(sums, points, _centroids(_sums_of_cells(sums, labels, number)))
+        moved = _around(sums, points, _centroids(label_sums(sums, labels, number)))
         if np.array_equal(moved, labels):
             break
         labels = moved
@@ -171,7 +165,7 @@ def _relaxed(sums: Array, points: TiledPoints, labels: Labels, steps: int) -> La
 def _around(sums: Array, points: TiledPoints, sites: Array) -> Labels:
     """Return the cell of each point (n,) around sites (k, 3), none of them empty."""
     labels = nearest_sites(points, sites)
-    _fill_empty(sums, points.points, labels, _sums_of_cells(sums, labels, len(sites)))
+    _fill_empty(sums, points.points, labels, label_sums(sums, labels, len(sites)))
     return labels
 
 
@@ -183,15 +177,6 @@ def _centroids(cells: Array) -> Array:
     return np.divide(
         moments, length, out=np.tile([0.0, 1.0, 0.0], (len(cells), 1)), where=length > 0
     )
-
-
-@njit(cache=True, nogil=True)
-def _sums_of_cells(sums, labels, number):  # type: ignore[no-untyped-def]
-    total = np.zeros((number, 7))
-    for i in range(len(labels)):
-        for k in range(7):
-            total[labels[i], k] += sums[i, k]
-    return total
 
 
 @njit(cache=True, nogil=True)

@@ -20,14 +20,14 @@ References
 """
 
 import numpy as np
-from numba import njit
 
 from lighting.apportionment import apportion
+from lighting.block_grid import block_grid
 from lighting.cell_splitting import Array, lights_of_sums
 from lighting.environment import EnvironmentMap
 from lighting.farthest_points import farthest_point_strata
 from lighting.nested_regions import nested_regions
-from lighting.summed_area import block_sums
+from lighting.summed_area import block_sums, label_sums
 
 _THRESHOLDS = np.arange(1, 6)
 """In standard deviations above 0."""
@@ -64,12 +64,12 @@ def structured(environment: EnvironmentMap, count: int) -> tuple[Array, Array, A
     is what remains of it outside brighter ones; one too faint for a light is part of the one
     around it.
     """
-    height = environment.height
     blocks = block_sums(environment.radiance)
     power = blocks[..., 0]
     if not power.any():
         return np.empty((0, 3)), np.empty((0, 3)), np.empty(0)
-    solid_angle, directions = _block_grid(height, *power.shape)
+    grid = block_grid(environment.height)
+    solid_angle = grid.area[..., 0]
     brightness = power / solid_angle
     mean = float(power.sum()) / (4 * np.pi)
     deviation = np.sqrt(float((solid_angle * (brightness - mean) ** 2).sum()) / (4 * np.pi))
@@ -82,41 +82,14 @@ def structured(environment: EnvironmentMap, count: int) -> tuple[Array, Array, A
     lit_blocks = np.bincount(regions[power > 0], minlength=len(parents))
     owners, seats = apportion(importance, lit_blocks, parents, count)
 
-    # The middles of blocks, not the centroids of their light: where two points are as far, rounding
-    # must not choose anew in each frame.
+    # Directions of blocks, not centroids of their light: where two points are as far, rounding must
+    # not choose anew in each frame.
     lit = np.flatnonzero(power)
     row, column = np.divmod(lit, power.shape[1])
     strata = farthest_point_strata(
-        directions.reshape(-1, 3)[lit],
+        grid.directions.reshape(-1, 3)[lit],
         owners[regions.ravel()[lit]],
         row // _BLOCKS_PER_BUCKET * power.shape[1] + column // _BLOCKS_PER_BUCKET,
         seats,
     )
-    return lights_of_sums(_sums_of_strata(blocks.reshape(-1, 7), lit, strata, int(seats.sum())))
-
-
-def _block_grid(height: int, rows: int, columns: int) -> tuple[Array, Array]:
-    """Return solid angle (rows, columns) and middle direction (rows, columns, 3) of each block.
-
-    The map has `height` rows of cells; the last blocks of a row or column may have fewer.
-    """
-    cells_per_block = -(-height // rows)
-    step = np.pi / height
-    theta = step * np.minimum(np.arange(rows + 1) * cells_per_block, height)
-    phi = np.pi - step * np.minimum(np.arange(columns + 1) * cells_per_block, 2 * height)
-    solid_angle = np.outer(np.diff(-np.cos(theta)), np.diff(-phi))
-    theta, phi = (theta[:-1] + theta[1:]) / 2, (phi[:-1] + phi[1:]) / 2
-    directions = np.empty((rows, columns, 3))
-    directions[..., 0] = np.outer(np.sin(theta), np.sin(phi))
-    directions[..., 1] = np.cos(theta)[:, None]
-    directions[..., 2] = np.outer(np.sin(theta), np.cos(phi))
-    return solid_angle, directions
-
-
-@njit(cache=True, nogil=True)
-def _sums_of_strata(blocks, lit, strata, count):  # type: ignore[no-untyped-def]
-    total = np.zeros((count, 7))
-    for i in range(len(lit)):
-        for k in range(7):
-            total[strata[i], k] += blocks[lit[i], k]
-    return total
+    return lights_of_sums(label_sums(blocks.reshape(-1, 7)[lit], strata, seats.sum()))
