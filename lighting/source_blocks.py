@@ -14,7 +14,6 @@ seen if its centre is, so on the edge of the picture light comes and goes by who
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit, prange
@@ -23,18 +22,14 @@ from numpy.typing import NDArray
 from calibration.camera import Calibration
 from capture.errors import InputError
 from capture.radiance import RadianceImage
+from lighting.block_entries import Entries, block_entries
 from lighting.blocks import BlockSums
 from lighting.environment import LUMINANCE_WEIGHTS
-from lighting.latlong import cell_directions, direction_to_grid, grid_to_direction, solid_angles
-from lighting.pixel_grid import pixel_corners, pixel_illumination
-from lighting.pixel_moments import pixel_moments
+from lighting.latlong import grid_to_direction, solid_angles
 
 BLOCK_ROWS = 256
 """As many as summed_area.py makes of a large map."""
 
-_STRIP_ROWS = 16
-"""Blocks are visited in strips of the picture this high, from left to right: their pixels then come
-from few lines of memory at a time. In the order of the sphere it takes more than twice as long."""
 _COVERAGE_SAMPLES = 4
 """Points on the side of a block that tell which part of it is seen."""
 _BAND_PX = 1_000_000
@@ -42,36 +37,7 @@ _TASKS = 64
 """Parts the blocks are cut into for threads, of equal work."""
 
 
-class Entries(NamedTuple):
-    """Which pixels each block takes, with what weight.
-
-    Attributes
-    ----------
-    blocks : (B,) int64
-        Flat indices of the blocks that pixels lie in, in the order they are visited.
-    centres : (B, 3) float64
-        Directions of their centres.
-    starts : (B + 1,) int64
-        Entries starts[i] … starts[i + 1] belong to blocks[i].
-    pixels : (P,) uint32
-        Flat index of the pixel of each entry; every seen pixel has one.
-    weights : (P, 4) float32
-        ∫dω of the pixel, and ∫(d − d_b) dω (3) about the direction d_b of its block's centre, both
-        divided by the lens's relative illumination. These moments are small, so that single
-        precision is enough.
-    illumination : (H W,) float32
-        Relative illumination of each pixel; empty if it is 1 everywhere.
-    """
-
-    blocks: NDArray[np.int64]
-    centres: NDArray[np.float64]
-    starts: NDArray[np.int64]
-    pixels: NDArray[np.uint32]
-    weights: NDArray[np.float32]
-    illumination: NDArray[np.float32]
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SourceBlocks:
     """A camera's way onto the blocks of a lat-long grid.
 
@@ -92,7 +58,7 @@ class SourceBlocks:
 def build_source_blocks(calibration: Calibration, rows: int = BLOCK_ROWS) -> SourceBlocks:
     """Return the operator from a camera's pictures to sums over `rows` × 2 `rows` blocks."""
     size_px = calibration.image_size_px
-    entries = _entries(calibration, rows, 0, size_px[1])
+    entries = block_entries(calibration, rows, 0, size_px[1])
     return SourceBlocks(size_px, entries, _unseen_sr(calibration, rows))
 
 
@@ -134,7 +100,7 @@ def picture_blocks(
     band_rows = max(_BAND_PX // width, 1)
     for first in range(0, height, band_rows):
         band = slice(first, min(first + band_rows, height))
-        entries = _entries(calibration, rows, band.start, band.stop)
+        entries = block_entries(calibration, rows, band.start, band.stop)
         light.add(entries, image.radiance[band], image.valid[band], image.clipped[band])
         is_any_valid |= bool(image.valid[band].ravel()[entries.pixels].any())
     if not is_any_valid:
@@ -192,38 +158,6 @@ class _Light:
 
     def block_sums(self, unseen_sr: NDArray[np.float64], scale: str) -> BlockSums:
         return BlockSums(self.sums, unseen_sr + self.missing_sr, self.clipped, scale)
-
-
-def _entries(calibration: Calibration, rows: int, first_row: int, last_row: int) -> Entries:
-    """Return the entries of rows [first_row, last_row) of the picture."""
-    corners, seen = pixel_corners(calibration, first_row, last_row)
-    solid_angle, moment = pixel_moments(corners, seen)
-    column, row = np.rint(direction_to_grid(moment, rows)).astype(np.int64).T
-    block = np.minimum(row, rows - 1) * 2 * rows + column
-    centres = cell_directions(rows).reshape(-1, 3)
-    moment -= solid_angle[:, None] * centres[block]
-    weights = np.column_stack([solid_angle, moment])
-
-    pixels = np.flatnonzero(seen)
-    illumination = pixel_illumination(calibration, first_row, last_row)
-    if illumination.size:
-        weights /= illumination[pixels, None]
-    blocks, firsts, place, counts = np.unique(
-        block, return_index=True, return_inverse=True, return_counts=True
-    )
-    first_row_px, first_column_px = np.divmod(pixels[firsts], seen.shape[1])
-    visits = np.lexsort((first_row_px, first_column_px, first_row_px // _STRIP_ROWS))
-    rank = np.empty(len(visits), np.int64)
-    rank[visits] = np.arange(len(visits))
-    order = np.argsort(rank[place], kind="stable")
-    return Entries(
-        blocks=blocks[visits],
-        centres=centres[blocks[visits]],
-        starts=np.concatenate([[0], np.cumsum(counts[visits])]),
-        pixels=pixels[order].astype(np.uint32),
-        weights=weights[order].astype(np.float32),
-        illumination=illumination,
-    )
 
 
 def _unseen_sr(calibration: Calibration, rows: int) -> NDArray[np.float64]:
