@@ -6,13 +6,23 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from calibration.files import read_calibration
+from capture.merge import merge_bracket
+from capture.recording import open_recording
+from lighting.blocks import BlockSums
+from lighting.environment import EnvironmentMap
 from lighting.environment_files import read_environment
 from lighting.light_files import read_lights
+from lighting.light_set import LightSet
+from lighting.light_stream import LightPlan, next_lights
+from lighting.remap import apply_remap, build_remap
+from lighting.source_blocks import apply_source_blocks, build_source_blocks
 from render.main import main
 
 pytestmark = pytest.mark.gl
@@ -26,6 +36,43 @@ def fishlight(*arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [*FISHLIGHT, *map(str, arguments)], capture_output=True, text=True, check=False
     )
+
+
+def replay_here(*arguments: object) -> None:
+    """Replay in this process: it takes a second to start another."""
+    with pytest.raises(SystemExit) as end:
+        main(["replay", *map(str, arguments)])
+    assert not end.value.code
+
+
+def expected_lights(
+    recording_folder: Path, plan: LightPlan, brackets: Sequence[int]
+) -> list[LightSet]:
+    """Return the lights of these brackets, one after the other, as a replay should find them."""
+    recording = open_recording(recording_folder)
+    assert recording.calibration_path is not None
+    calibration = read_calibration(recording.calibration_path)
+    source_blocks, remap = build_source_blocks(calibration), build_remap(calibration, 64)
+    memory, result = None, []
+    for index in brackets:
+        bracket = recording.read_bracket(index)
+        image = merge_bracket(bracket, recording.sensor)
+        view: BlockSums | EnvironmentMap = apply_source_blocks(source_blocks, image)
+        if plan.method == "inverse-cdf":
+            view = apply_remap(remap, image)
+        lights, memory = next_lights(view, plan, memory, timestamp_s=bracket.timestamp_s)
+        result.append(lights)
+    return result
+
+
+def assert_same_lights(output: Path, brackets: Sequence[int], expected: list[LightSet]) -> None:
+    for index, lights in zip(brackets, expected, strict=True):
+        written = read_lights(output / "lights" / f"{index:06d}.json")
+        assert written.timestamp_s == lights.timestamp_s
+        assert written.predicted_error == lights.predicted_error
+        np.testing.assert_array_equal(written.directions, lights.directions)
+        np.testing.assert_array_equal(written.irradiance, lights.irradiance)
+        np.testing.assert_array_equal(written.fill, lights.fill)
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +92,7 @@ def replayed(short_recording: Path, tmp_path_factory: pytest.TempPathFactory) ->
     timings = output.parent / "t.json"
     done = fishlight("replay", short_recording, "-o", output, *SMALL, "--timings", timings)
     assert done.returncode == 0, done.stderr
-    assert "4 brackets captured, 0 replaced, 4 merged, 4 rendered, 0 failed" in done.stdout
+    assert "brackets: 4 captured, 0 replaced, 4 merged, 4 rendered, 0 failed" in done.stdout
     return output
 
 
@@ -59,17 +106,66 @@ def test_every_bracket_leaves_a_map_lights_and_a_picture(replayed: Path) -> None
     assert session["counters"]["rendered"] == 4
 
 
-def test_the_lights_hold_the_energy_of_their_map(replayed: Path) -> None:
-    for path in sorted((replayed / "maps").glob("*.exr")):
+def test_every_bracket_is_reduced_at_the_source_remembered_and_made_steady(
+    short_recording: Path, replayed: Path
+) -> None:
+    expected = expected_lights(short_recording, LightPlan(12), range(4))
+    assert_same_lights(replayed, range(4), expected)
+    steps_s = np.diff([lights.timestamp_s for lights in expected])
+    np.testing.assert_allclose(steps_s, 0.5)
+
+
+@pytest.mark.parametrize(("method", "rtol"), [("adaptive", 2e-3), ("inverse-cdf", 1e-5)])
+def test_without_smoothing_the_lights_hold_the_energy_of_their_map(
+    short_recording: Path, tmp_path: Path, method: str, rtol: float
+) -> None:
+    # The map of 64 rows is another way to sum up the same pixels than the blocks.
+    output = tmp_path / "out"
+    wishes = ["--method", method, "--no-steady"]
+    replay_here(short_recording, "-o", output, *SMALL, *wishes)
+    for path in sorted((output / "maps").glob("*.exr")):
         environment, _ = read_environment(path)
-        lights = read_lights(replayed / "lights" / f"{path.stem}.json")
+        lights = read_lights(output / "lights" / f"{path.stem}.json")
         assert len(lights) == 12
-        np.testing.assert_allclose(lights.irradiance.sum(axis=0), environment.integral(), rtol=1e-5)
+        np.testing.assert_allclose(lights.integral(), environment.integral(), rtol=rtol)
+    plan = LightPlan(12, method, is_steady=False)
+    assert_same_lights(output, range(4), expected_lights(short_recording, plan, range(4)))
+
+
+def test_auto_is_counted_in_the_account(
+    short_recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = tmp_path / "out"
+    wishes = [*SMALL[2:], "--count", "auto", "--error", "0.04"]
+    replay_here(short_recording, "-o", output, *wishes)
+    found = expected_lights(short_recording, LightPlan(512, error=0.04, is_steady=False), range(4))
+    session = json.loads((output / "session.json").read_text())
+    assert session["median_lights"] == np.median([len(lights) for lights in found])
+    predicted_error = np.median([lights.predicted_error for lights in found])
+    assert session["median_predicted_error"] == predicted_error
+    assert 0 < predicted_error < 0.04
+    printed = capsys.readouterr().out
+    assert (
+        f"median lights {session['median_lights']:g}, predicted error {predicted_error:.2%}"
+        in printed
+    )
+
+
+@pytest.mark.parametrize(("budget_ms", "last_count"), [("1e-6", 16), ("1e9", 64)])
+def test_a_budget_bounds_the_lights(
+    short_recording: Path, tmp_path: Path, budget_ms: str, last_count: int
+) -> None:
+    output = tmp_path / "out"
+    wishes = ["--count", "auto", "--error", "1e-5", "--budget-ms", budget_ms, "--no-steady"]
+    replay_here(short_recording, "-o", output, *SMALL[2:], *wishes)
+    counts = [len(read_lights(path)) for path in sorted((output / "lights").glob("*.json"))]
+    # Three frames are timed; then it halves, or doubles.
+    assert counts == [32, 32, 32, last_count]
 
 
 def test_timings_name_every_stage_of_every_frame(replayed: Path) -> None:
     timings = json.loads((replayed.parent / "t.json").read_text())
-    stages = ["decode", "merge", "remap", "lights", "render", "write"]
+    stages = ["decode", "merge", "remap", "blocks", "lights", "render", "write"]
     assert list(timings["stages"]) == stages
     assert [list(frame) for frame in timings["frames"]] == [stages] * 4
     assert all(ms >= 0 for frame in timings["frames"] for ms in frame.values())
@@ -129,6 +225,8 @@ def test_a_damaged_frame_costs_its_bracket_and_no_more(
     assert path.name in done.stderr
     made = sorted(path.stem for path in (output / "maps").glob("*.exr"))
     assert made == ["000000", "000001", "000003"]
+    # What is remembered outlives it, and the time that passed counts.
+    assert_same_lights(output, (0, 1, 3), expected_lights(folder, LightPlan(12), (0, 1, 3)))
 
 
 def test_a_recording_of_which_nothing_is_usable_fails(
@@ -138,7 +236,7 @@ def test_a_recording_of_which_nothing_is_usable_fails(
     shutil.copytree(short_recording, folder, ignore=shutil.ignore_patterns("frames"))
     done = fishlight("replay", folder, "-o", tmp_path / "out", *SMALL)
     assert done.returncode == 2
-    assert "none of its 4 brackets is usable" in done.stderr
+    assert "not one bracket of 4 is usable" in done.stderr
     assert not (tmp_path / "out").exists()
 
 
@@ -160,7 +258,7 @@ def test_a_replay_that_is_stopped_leaves_only_whole_files(
     child.wait(timeout=30)
     assert json.loads((output / "session.json").read_text())["status"] == "running"
     for path in (output / "lights").glob("[0-9]*.json"):
-        assert len(read_lights(path)) == 12
+        assert len(read_lights(path)) >= 12
     for path in (output / "maps").glob("[0-9]*.exr"):
         read_environment(path)
     if signal_number is not signal.SIGKILL:
@@ -174,6 +272,10 @@ def test_a_replay_that_is_stopped_leaves_only_whole_files(
     [
         (["--method", "magic"], "magic"),
         (["--count", "0"], "number of lights"),
+        (["--error", "0.1"], "give --count auto"),
+        (["--count", "auto", "--method", "cells"], "not for cells"),
+        (["--count", "auto", "--budget-ms", "0"], "above 0 ms"),
+        (["--budget-ms", "30"], "--budget-ms limits --count auto"),
         (["--height", "0"], "--height"),
         (["--size", "640"], "WIDTHxHEIGHT"),
         (["--timings", "nowhere/t.json"], "nowhere is not a folder"),
