@@ -17,6 +17,7 @@ from calibration.camera import LEVEL, Calibration, ImageCircle
 from calibration.models import MODELS
 from calibration.models.equirectangular import Equirectangular, full_sphere
 from capture.errors import InputError
+from capture.files import read_bytes
 from capture.output import write_text
 
 _LIMIT_BYTES = 1 << 20
@@ -110,12 +111,11 @@ def write_calibration(path: Path, calibration: Calibration, *, force: bool = Tru
 
 
 def _read_object(path: Path) -> dict[str, Any]:
+    content = read_bytes(path)
+    if len(content) > _LIMIT_BYTES:
+        raise InputError(f"{path} is larger than any calibration file (1 MiB)")
     try:
-        if path.stat().st_size > _LIMIT_BYTES:
-            raise InputError(f"{path} is larger than any calibration file (1 MiB)")
-        return msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
-    except OSError as error:
-        raise InputError(f"calibration {path} cannot be read: {error.strerror}") from None
+        return msgspec.json.decode(content, type=dict[str, Any])
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"{path} is not a calibration file in JSON: {error}") from None
 

@@ -17,6 +17,7 @@ import numpy as np
 from msgspec import Meta
 
 from capture.errors import InputError
+from capture.files import read_bytes
 from capture.output import write_text
 from capture.radiance import RELATIVE
 from lighting import harmonics
@@ -68,10 +69,9 @@ def read_lights(path: Path) -> LightSet:
         or colour space, a light has a direction that is no unit vector or negative irradiance, or
         the fill is negative somewhere.
     """
+    content = read_bytes(path)
     try:
-        file = msgspec.json.decode(path.read_bytes(), type=_LightFile)
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from error
+        file = msgspec.json.decode(content, type=_LightFile)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"{path} is not a lights.json file: {error}") from error
     _check_header(path, file)

@@ -8,7 +8,7 @@ import pytest
 
 from capture.errors import InputError
 from capture.exr import read_exr
-from capture.radiance_files import read_hdr
+from capture.radiance_files import read_hdr, write_hdr
 from lighting.environment_files import read_environment, write_environment
 from lighting.export_cli import export
 from lighting.light_files import write_lights
@@ -67,14 +67,17 @@ def test_a_map_that_is_not_the_lights_own_is_told(folder, capsys):
 
 def test_what_the_exported_map_cannot_tell_is_told(folder, capsys):
     row, column = np.indices((64, 128))
-    marked = replace(room(), valid=row < 32, clipped=(row < 32) & (column == 7))
-    write_environment(folder / "map.exr", marked)
+    radiance = room().radiance.copy()
+    radiance[40, 0] = np.nan
+    clipped = (row < 32) & (column == 7)
+    write_hdr(folder / "map.exr", radiance, valid=row < 32, clipped=clipped)
     write_lights(folder / "lights.json", replace(lamps(), clipped_fraction=0.25), force=True)
     export(folder / "lights.json", output=folder / "a.usda", map_path=folder / "map.exr")
     export(output=folder / "b.exr", map_path=folder / "map.exr", convention="usd")
     printed = capsys.readouterr().out
     assert printed.count("50.0% of all directions were not seen") == 2
     assert printed.count("32 cells are clipped") == 2
+    assert printed.count("set to 0") == 2
     assert "25.0% of the light comes from clipped cells" in printed
 
 
@@ -123,8 +126,9 @@ def test_a_map_may_become_a_radiance_picture(folder):
         ({"output": "a.exr", "lights": None}, "--map and --convention"),
         ({"output": "a.exr", "lights": None, "map_path": "map.exr"}, "--convention"),
         ({"output": "a.usda", "map_path": "no.exr"}, r"no\.exr"),
-        ({"output": "a.usda", "lights": "no.json"}, r"no\.json cannot be read"),
+        ({"output": "a.usda", "lights": "no.json"}, r"no\.json: no such file"),
         ({"output": 'a"b.usda', "map_path": "map.exr"}, "without quotes"),
+        ({"output": "a@b.usda", "map_path": "map.exr"}, "without quotes, @"),
         ({"output": "a\udcff.usda", "map_path": "map.exr"}, "cannot be printed"),
     ],
 )
@@ -149,6 +153,12 @@ def test_what_exists_is_replaced_only_by_force_and_never_by_half(folder, taken):
     export(folder / "lights.json", **arguments, force=True)
     assert files_in(folder) == ["a.usda", "a.usda.dome.exr"]
     assert (folder / "a.usda").read_text().startswith("#usda")
+
+
+def test_what_exists_is_refused_before_anything_is_read(folder):
+    (folder / "a.usda").write_text("mine")
+    with pytest.raises(InputError, match=r"a\.usda exists"):
+        export(folder / "no.json", output=folder / "a.usda")
 
 
 def test_a_dome_there_is_no_room_for_is_told_by_its_name_and_leaves_no_scene(folder):

@@ -181,7 +181,6 @@ def test_what_cannot_be_meant_is_refused(tmp_path, fields, message):
 @pytest.mark.parametrize(
     "content",
     [
-        b"",
         b"{",
         b"[]",
         b'{"lights": [1e999]}',
@@ -205,8 +204,14 @@ def test_a_number_beyond_float64_is_refused(tmp_path):
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"gone.json cannot be read: No such file"):
+    with pytest.raises(InputError, match=r"gone\.json: no such file"):
         read_lights(tmp_path / "gone.json")
+
+
+def test_an_empty_file_is_named(tmp_path):
+    (tmp_path / "lights.json").touch()
+    with pytest.raises(InputError, match=r"lights\.json: the file is empty"):
+        read_lights(tmp_path / "lights.json")
 
 
 def test_a_point_is_worth_a_larger_shadow_map_than_a_wide_light():
