@@ -7,7 +7,8 @@ picture, in our orientation, is looked up by the ray's direction. It glows and i
 lamp: it reaches surfaces by the ambient calculation (rtrace -ab 1 or more).
 Fails  : a `source` must have a size: a point becomes a disc of 0.1°. Radiance takes all of a disc's
          light from its centre (1 % too much from a disc of radius 0.2 rad) and loses the sky behind
-         it. It looks for the picture in the folder where it is started, and on RAYPATH.
+         it. It adds half a step to the picture's 8 bits (0.3 %). It looks for the picture in the
+         folder where it is started, and on RAYPATH.
 
 References
 ----------

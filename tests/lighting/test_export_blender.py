@@ -25,20 +25,24 @@ def script(tmp_path):
 
 
 def run_before_a_stand_in(script, monkeypatch):
-    """Return the lamps and the paths of pictures that the script asks Blender for."""
-    placed = []
+    """Return the lamps that the script puts into the scene, and its pictures by their paths."""
+    placed, pictures = [], {}
 
-    def new_object(name, data):
-        placed.append(SimpleNamespace(name=name, data=data))
-        return placed[-1]
+    def load(path):
+        return pictures.setdefault(path, MagicMock())
 
     bpy = MagicMock(spec=ModuleType)
     bpy.context, bpy.data = MagicMock(), MagicMock()
     bpy.data.lights.new = lambda name, kind: SimpleNamespace(name=name, kind=kind)
-    bpy.data.objects.new = new_object
+    bpy.data.objects.new = lambda name, data: SimpleNamespace(name=name, data=data)
+    collection = bpy.data.collections.new.return_value
+    collection.objects.link = placed.append
+    bpy.data.images.load = load
     monkeypatch.setitem(sys.modules, "bpy", bpy)
     runpy.run_path(str(script))
-    return placed, [call.args[0] for call in bpy.data.images.load.call_args_list]
+    bpy.context.scene.collection.children.link.assert_called_once_with(collection)
+    bpy.context.scene.world.node_tree.nodes.clear.assert_called_once()
+    return placed, pictures
 
 
 def test_suns_stand_where_the_lamps_do_and_are_as_strong(script, monkeypatch):
@@ -54,14 +58,16 @@ def test_suns_stand_where_the_lamps_do_and_are_as_strong(script, monkeypatch):
             np.array(lamp.data.color) * lamp.data.energy, facing_irradiance(lights)[index]
         )
         assert lamp.data.angle == pytest.approx(2 * lights.angular_radius_rad[index])
-    assert pictures == [str(script.with_name("scene.py.dome.exr"))]
+    (path,) = pictures
+    assert path == str(script.with_name("scene.py.dome.exr"))
+    assert pictures[path].colorspace_settings.name == "Linear Rec.709"
 
 
 def test_without_a_dome_no_picture_is_loaded(tmp_path, monkeypatch):
     write_scene(tmp_path / "scene.py", light_rig(lamps()))
     placed, pictures = run_before_a_stand_in(tmp_path / "scene.py", monkeypatch)
     assert len(placed) == 3
-    assert pictures == []
+    assert not pictures
 
 
 def test_text_of_others_cannot_break_the_script(tmp_path, monkeypatch):

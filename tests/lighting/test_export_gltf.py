@@ -35,9 +35,12 @@ def test_it_lights_every_side_as_the_room_does(tmp_path, suffix):
     assert gltf.extensionsUsed == [KHR]
     directions, illuminance = directional_lights(gltf)
     np.testing.assert_allclose(directions, lamps().directions[:2], atol=1e-12)
+    radii = [light["extras"]["angularRadius"] for light in gltf.extensions[KHR]["lights"]]
+    np.testing.assert_allclose(radii, lamps().angular_radius_rad[:2])
 
     extras = gltf.scenes[0].extras
     assert extras["environmentMapConvention"] == "three"
+    assert extras["scale"] == "relative"
     dome, _ = read_environment(tmp_path / extras["environmentMap"])
     towards = normals()
     clamped = np.clip(towards @ directions.T, 0, None)

@@ -105,13 +105,14 @@ def test_only_the_brightest_of_a_cap_is_cut():
     np.testing.assert_allclose(residual.radiance[..., 1], expected, rtol=1e-6)
 
 
-def test_a_light_that_the_map_does_not_have_takes_what_is_there_and_says_so():
+@pytest.mark.parametrize("much", [1.01, 100.0])
+def test_a_light_that_the_map_does_not_have_takes_what_is_there_and_says_so(much):
     dim = environment(np.full((HEIGHT, 2 * HEIGHT), 0.5))
-    light = one_light([0, 0, 1], [100.0, 1e-3, 0.0], 0.2)
-    residual, removed = remove_lights(dim, light)
     radius = 2 * 0.2 + 1.5 * np.pi / HEIGHT
     in_cap = cell_directions(HEIGHT)[..., 2] > np.cos(radius)
     there = 0.5 * (solid_angles(HEIGHT) @ in_cap.sum(axis=1))
+    light = one_light([0, 0, 1], [much * there, 1e-3, 0.0], 0.2)
+    residual, removed = remove_lights(dim, light)
     np.testing.assert_allclose(removed[0], [there, 1e-3, 0], rtol=1e-5)
     assert np.all(residual.radiance[in_cap][:, 0] == 0)
     assert np.all(residual.radiance[in_cap][:, 2] == 0.5)
