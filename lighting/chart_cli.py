@@ -82,7 +82,7 @@ def chart_lights(
     write_text(table, chart.as_csv(errors + flickers))
     points = chart.points_of(errors, flickers)
     for path, theme in pictures.items():
-        draw(points, list(METHODS), _about(maps), path, theme)
+        draw(points, [*METHODS, chart.STEADY], _about(maps), path, theme)
     print(
         f"{output}: {len(errors) + len(flickers)} measurements of {len(compared)} systems on "
         f"{len(maps)} {'map' if len(maps) == 1 else 'maps'} and {len(SEQUENCES)} sequences"

@@ -56,6 +56,29 @@ def test_a_measurement_is_what_the_error_measures_say():
     assert row.ms > 0
 
 
+def test_the_time_is_that_of_a_frame_in_a_stream():
+    remembered = []
+
+    def counting(environment_map, count, memory):
+        remembered.append(memory)
+        return reduce_to_lights(environment_map, count, "cells"), len(remembered)
+
+    list(chart.measure({"m": outdoors(8)}, {"counting": counting}, [4], {}))
+    assert remembered[:3] == [None, 1, 2]
+
+
+def test_the_temporal_stage_is_timed_on_maps_and_judged_on_sequences(monkeypatch):
+    monkeypatch.setattr(flicker, "ROWS", 16)
+    compared = {name: chart.systems()[0][name] for name in ("adaptive", chart.STEADY)}
+    on_maps = list(chart.measure({"m": outdoors(16)}, compared, [16], {}))
+    assert [bool(row.errors) for row in on_maps] == [True, False]
+    name = "still, 1 % noise"
+    on_sequences = list(flicker.measure({name: SEQUENCES[name]}, compared, [16], {}))
+    plain, steadied = points_of(on_maps, on_sequences)
+    assert steadied.errors[FLICKER] < 0.8 * plain.errors[FLICKER]
+    assert steadied.ms > 0
+
+
 def test_what_is_known_is_not_measured_again(tmp_path):
     system, known = Counted(), {}
     maps = {"m": outdoors(8)}
