@@ -148,7 +148,7 @@ def _import_photographs(
                     position,
                 )
     if len(warnings) > 1:
-        warnings[1:] = [f"{len(warnings) - 1} other brackets are like it"]
+        warnings[1:] = [f"other brackets like it: {len(warnings) - 1}"]
     return (*plan.notes, *warnings)
 
 

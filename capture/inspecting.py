@@ -101,7 +101,7 @@ def describe(recording: Recording, examination: Examination) -> list[tuple[str, 
             "frames",
             f"{frame_count}, all read, digests right"
             if not examination.failures
-            else f"{frame_count}; {len(examination.failures)} brackets cannot be read",
+            else f"{frame_count}; brackets that cannot be read: {len(examination.failures)}",
         ),
         ("clipped", f"{_share_text(examination.clipped_share)} of the shortest exposures' pixels"),
         ("black", f"{_share_text(examination.black_share)} of the longest exposures' pixels"),

@@ -130,7 +130,7 @@ def test_inspect_shows_the_rest_and_then_fails_on_a_damaged_frame(tmp_path, phot
     (tmp_path / "r" / "frames" / "000001.jpg").unlink()
     with pytest.raises(InputError, match=r"1 of 2 brackets: .*000001\.jpg"):
         run("inspect", tmp_path / "r")
-    assert "frames: 6; 1 brackets cannot be read" in capsys.readouterr().out
+    assert "frames: 6; brackets that cannot be read: 1" in capsys.readouterr().out
 
 
 def test_a_sheet_is_a_png(tmp_path, photos):

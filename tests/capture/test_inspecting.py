@@ -86,7 +86,7 @@ def test_unreadable_brackets_are_counted_and_named(tmp_path):
     examination = examine(recording)
     assert len(examination.failures) == 1
     assert "000000.png" in examination.failures[0]
-    assert dict(describe(recording, examination))["frames"] == "8; 1 brackets cannot be read"
+    assert dict(describe(recording, examination))["frames"] == "8; brackets that cannot be read: 1"
 
 
 def test_shares_are_unknown_where_nothing_can_be_read(tmp_path):
