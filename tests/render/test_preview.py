@@ -1,5 +1,7 @@
 """The picture of a map and its lights: what is marked is seen, and where."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
@@ -100,3 +102,30 @@ def test_a_ring_across_the_seam_goes_on_at_the_other_edge():
 def test_lights_without_power_have_the_smallest_ring():
     ring = ring_mask(one_light((0, 0, 1), irradiance=(0.0, 0.0, 0.0)), 512)
     assert np.ptp(np.nonzero(ring.any(axis=0))[0]) - OUTLINE_PX == pytest.approx(6, abs=1)
+
+
+@pytest.mark.parametrize(
+    "cell", [(20, 40), (32, 0), (2, 100)], ids=["", "at the seam", "at a pole"]
+)
+def test_a_line_runs_along_the_edge_of_a_disc(cell):
+    directions = cell_directions(64)[cell][None]
+    disc = LightSet(directions, np.ones((1, 3)), np.array([0.5]))
+    edge = ring_mask(disc, 512) & ~ring_mask(replace(disc, angular_radius_rad=np.zeros(1)), 512)
+    angle = np.arccos(cell_directions(256)[edge] @ directions[0])
+    assert np.abs(angle - 0.5).max() < 2 * np.pi / 256
+    # It is closed: it crosses every half plane through the light.
+    across = np.linalg.svd(directions)[2][1:]
+    turn = np.arctan2(*(across @ cell_directions(256)[edge].T))
+    assert np.diff(np.sort(turn)).max() < 0.1
+
+
+def test_key_lights_have_a_colour_of_their_own():
+    light = one_light((0, 0, 1))
+    colours = [
+        preview(grey_map(), replace(light, is_key=np.array([is_key])), 0.0, width_px=512)
+        for is_key in (False, True)
+    ]
+    red_less_blue = [np.int64(picture[..., 0]) - picture[..., 2] for picture in colours]
+    assert red_less_blue[0].max() > 150
+    assert red_less_blue[1].min() < -150
+    assert red_less_blue[1].max() == 0
