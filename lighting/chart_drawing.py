@@ -156,8 +156,9 @@ def _draw_panel(
             axis.plot(
                 [point.ms for point in line],
                 [point.errors[panel] for point in line],
-                linewidth=2.0 if system in on_front else 1.1,
-                markersize=5 if system in on_front else 4,
+                linewidth=2.2 if system in on_front else 1.0,
+                markersize=5 if system in on_front else 3.5,
+                alpha=1.0 if system in on_front else 0.6,
                 zorder=3 if system in on_front else 2,
                 **style,
             )
@@ -212,7 +213,7 @@ def _name_lines(
                 "arrowstyle": "-",
                 "color": styles[system]["color"],
                 "linewidth": 0.6,
-                "alpha": 0.6,
+                "alpha": 0.35,
                 "relpos": (0, 0.5),
                 "shrinkB": 3,
             },
