@@ -23,7 +23,7 @@ from lighting.block_grid import BlockGrid
 
 Array = NDArray[np.float64]
 
-PROBES = 48
+PROBES = 96
 """A third each behind a wall, a cone and a comb."""
 PROBE_ROWS = 32
 """Rows of the blocks that stand for the map."""
