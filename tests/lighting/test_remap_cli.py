@@ -97,3 +97,16 @@ def test_an_existing_map_needs_force(files: tuple[Path, Path, Path]) -> None:
     assert output.read_text() == "mine"
     remap(radiance, calibration=calibration, output=output, height=16, force=True)
     assert read_environment(output)[0].height == 16
+
+
+def test_tells_what_was_done_to_the_picture(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_calibration(tmp_path / "cal.json", CAMERA)
+    grey = np.ones((64, 64), np.float32)
+    grey[16, 16] = -1
+    write_exr(tmp_path / "r.exr", {"Y": grey}, {})
+    output = tmp_path / "map.exr"
+    remap(tmp_path / "r.exr", calibration=tmp_path / "cal.json", output=output, height=16)
+    printed = capsys.readouterr().out
+    assert "  luminance repeated to grey\n  set to 0 in the file: 3 negative values\n" in printed
