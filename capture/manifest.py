@@ -38,16 +38,20 @@ Index = Annotated[int, msgspec.Meta(ge=0, lt=2**53)]
 Pixels = Annotated[int, msgspec.Meta(gt=0, lt=2**31)]
 
 
+_Row = tuple[float, float, float]
+
+
 class SensorRecord(msgspec.Struct, frozen=True):
     """A Sensor as the manifest holds it; `response` is "linear", "srgb" or one row per count."""
 
     black_dn: Annotated[float, msgspec.Meta(ge=0)]
     white_dn: Positive
-    response: Literal["linear", "srgb"] | list[tuple[float, float, float]]
+    response: Literal["linear", "srgb"] | list[_Row]
     saturation: Share
     full_well_e: Positive
     read_noise_e: Annotated[float, msgspec.Meta(ge=0)]
     source: str = ""
+    response_deviation: list[_Row] | None = None
 
 
 class FrameRecord(msgspec.Struct, frozen=True):
@@ -139,6 +143,9 @@ def sensor_record(sensor: Sensor) -> SensorRecord:
         full_well_e=float(sensor.full_well_e),
         read_noise_e=float(sensor.read_noise_e),
         source=sensor.source,
+        response_deviation=(
+            None if sensor.response_deviation is None else _rows(sensor.response_deviation)
+        ),
     )
 
 
@@ -159,6 +166,11 @@ def sensor_of(record: SensorRecord) -> Sensor:
             full_well_e=record.full_well_e,
             read_noise_e=record.read_noise_e,
             source=record.source,
+            response_deviation=(
+                None
+                if record.response_deviation is None
+                else np.array(record.response_deviation, np.float64).reshape(-1, 3)
+            ),
         )
     except ValueError as error:
         raise InputError(f"the sensor cannot be used: {error}") from None
@@ -172,14 +184,16 @@ def check_relative(name: str) -> None:
         raise InputError(f"the path {name!r} must be relative and stay inside the recording")
 
 
-def _response_record(
-    sensor: Sensor,
-) -> Literal["linear", "srgb"] | list[tuple[float, float, float]]:
+def _response_record(sensor: Sensor) -> Literal["linear", "srgb"] | list[_Row]:
     if sensor.response is None:
         return "linear"
     if np.array_equal(sensor.response, _srgb_response()):
         return "srgb"
-    return [(float(red), float(green), float(blue)) for red, green, blue in sensor.response]
+    return _rows(sensor.response)
+
+
+def _rows(table: NDArray[np.float64]) -> list[_Row]:
+    return [(float(red), float(green), float(blue)) for red, green, blue in table]
 
 
 def _srgb_response() -> NDArray[np.float64]:

@@ -128,8 +128,8 @@ def _count_table(sensor: Sensor) -> NDArray[np.float64]:
 
     Both are float32 in the bits of one float64, so that one load brings both. The step is half the
     distance between the neighbouring levels, so counts that share one level, a flat part of an
-    estimated response, are as uncertain as the gap that they leave. A linear response needs no
-    table: it has no rows.
+    estimated response, are as uncertain as the gap that they leave. The variance of an estimated
+    response is added. A linear response needs no table: it has no rows.
     """
     if sensor.response is None:
         return np.empty((0, 3))
@@ -139,6 +139,9 @@ def _count_table(sensor: Sensor) -> NDArray[np.float64]:
     for channel in range(3):
         levels, level_of_count = np.unique(linear[:, channel], return_inverse=True)
         table[:, channel, 1] = (np.gradient(levels) ** 2 / 12.0)[level_of_count]
+    if sensor.response_deviation is not None:
+        inside = np.minimum(np.arange(len(table)), len(sensor.response_deviation) - 1)
+        table[..., 1] += sensor.response_deviation[inside] ** 2
     return table.view(np.float64)[..., 0].copy()
 
 

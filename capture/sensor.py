@@ -35,6 +35,8 @@ class Sensor:
         Standard deviation of the read-out, in electrons.
     source : str
         Where the numbers come from ("assumed sRGB", "DNG header", ...), shown to the user.
+    response_deviation : (white_dn + 1, 3) float64, or None
+        Standard deviation of `response` where it was estimated; None takes it for exact.
     """
 
     black_dn: float
@@ -44,6 +46,7 @@ class Sensor:
     full_well_e: float = 30_000.0
     read_noise_e: float = 4.0
     source: str = "assumed linear"
+    response_deviation: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.black_dn < self.white_dn:
@@ -61,6 +64,15 @@ class Sensor:
             if not np.allclose(ends, [[0.0], [1.0]], rtol=0, atol=1e-3):
                 raise ValueError("response must rise from 0 at black to 1 at white")
             object.__setattr__(self, "response", response)
+        if self.response_deviation is not None:
+            if self.response is None:
+                raise ValueError("a linear response has no response_deviation")
+            deviation = read_only(
+                "response_deviation", self.response_deviation, np.float64, self.response.shape
+            )
+            if not np.all(np.isfinite(deviation)) or np.any(deviation < 0):
+                raise ValueError("response_deviation must be finite and not negative")
+            object.__setattr__(self, "response_deviation", deviation)
 
     def check_counts(self, dtype: DTypeLike) -> None:
         """Raise InputError if integer counts of `dtype` cannot be this sensor's.

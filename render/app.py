@@ -4,6 +4,7 @@ from importlib.metadata import version
 
 from cyclopts import App, Parameter
 
+import calibration.cli
 import capture.cli
 import lighting.cli
 import render.cli
@@ -14,6 +15,6 @@ app = App(
     version=lambda: version("fishlight"),
     default_parameter=Parameter(negative=""),
 )
-for stage in (capture.cli, lighting.cli, render.cli):
+for stage in (capture.cli, calibration.cli, lighting.cli, render.cli):
     for command, name in stage.COMMANDS:
         app.command(command, name=name)
