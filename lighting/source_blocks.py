@@ -26,9 +26,7 @@ from lighting.block_entries import Entries, block_entries
 from lighting.blocks import BlockSums
 from lighting.environment import LUMINANCE_WEIGHTS
 from lighting.latlong import grid_to_direction, solid_angles
-
-BLOCK_ROWS = 256
-"""As many as summed_area.py makes of a large map."""
+from lighting.summed_area import MOST_ROWS
 
 _COVERAGE_SAMPLES = 4
 """Points on the side of a block that tell which part of it is seen."""
@@ -55,7 +53,7 @@ class SourceBlocks:
     unseen_sr: NDArray[np.float64]
 
 
-def build_source_blocks(calibration: Calibration, rows: int = BLOCK_ROWS) -> SourceBlocks:
+def build_source_blocks(calibration: Calibration, rows: int = MOST_ROWS) -> SourceBlocks:
     """Return the operator from a camera's pictures to sums over `rows` × 2 `rows` blocks."""
     size_px = calibration.image_size_px
     entries = block_entries(calibration, rows, 0, size_px[1])
@@ -84,7 +82,7 @@ def apply_source_blocks(source: SourceBlocks, image: RadianceImage) -> BlockSums
 
 
 def picture_blocks(
-    calibration: Calibration, image: RadianceImage, rows: int = BLOCK_ROWS
+    calibration: Calibration, image: RadianceImage, rows: int = MOST_ROWS
 ) -> BlockSums:
     """Return the light that one picture shows, over blocks, a band of pixels at a time.
 
