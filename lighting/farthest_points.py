@@ -4,12 +4,13 @@ Domain : unit vectors, in regions that share nothing.    Input : positions, regi
 Output : the stratum of each point.
 Cost   : about n log k for n points and k strata, where trying all takes n k: points are kept in
          buckets of neighbours, and a bucket that a new centre cannot come nearer to is passed over.
-Fails  : strata are up to twice as wide as the best that many could be.
+Fails  : strata are up to twice as wide as the best that many could be [1]_.
 
 References
 ----------
-.. [1] D. S. Hochbaum, D. B. Shmoys, "A Best Possible Heuristic for the k-Center Problem",
-       Mathematics of Operations Research 10(2), 1985.
+.. [1] T. F. Gonzalez, "Clustering to Minimize the Maximum Intercluster Distance", Theoretical
+       Computer Science 38, 1985. Structured importance sampling names Hochbaum and Shmoys for it,
+       who in the same year reach the same bound by another way.
 """
 
 import numpy as np

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from lighting.environment import EnvironmentMap, luminance
 from lighting.latlong import cell_directions, grid_to_direction, solid_angles
+from lighting.sampled_lights import cone_radius
 
 Array = NDArray[np.float64]
 Lights = tuple[Array, Array, Array]
@@ -68,7 +69,7 @@ def median_cut(environment: EnvironmentMap, count: int) -> Lights:
 
 
 def mitsuba_points(environment: EnvironmentMap, count: int) -> Lights:
-    """Return Mitsuba 3's samples of its `envmap` emitter, from its scalar variant."""
+    """Return Mitsuba 3's samples of its `envmap` emitter, one by one, from its scalar variant."""
     mitsuba = _mitsuba()
     bitmap = mitsuba.Bitmap(np.array(environment.radiance))
     scene = mitsuba.load_dict({"type": "scene", "map": {"type": "envmap", "bitmap": bitmap}})
@@ -81,7 +82,7 @@ def mitsuba_points(environment: EnvironmentMap, count: int) -> Lights:
         weights.append(np.array(weight, np.float64).ravel())
         density.append(float(sample.pdf))
     solid_angle = 1 / (count * np.array(density))
-    return np.array(directions), np.array(weights) / count, _cone_radius(solid_angle)
+    return np.array(directions), np.array(weights) / count, cone_radius(solid_angle)
 
 
 def colour_hdri_regions(environment: EnvironmentMap, count: int) -> Lights:
@@ -108,7 +109,7 @@ def installed_peers() -> tuple[Mapping[str, Peer], list[str]]:
         "median cut (numpy)": median_cut,
     }
     programs: dict[str, tuple[str, Peer]] = {
-        "Mitsuba 3": ("mitsuba", mitsuba_points),
+        "Mitsuba 3 (scalar)": ("mitsuba", mitsuba_points),
         "colour-hdri": ("colour_hdri", colour_hdri_regions),
     }
     there = {name: peer for name, (module, peer) in programs.items() if find_spec(module)}
@@ -136,7 +137,7 @@ def _points_of_cdf(environment: EnvironmentMap, points: Array) -> Lights:
     )
     density = light[rows, columns] / cumulative[-1]
     irradiance = environment.radiance[rows, columns] / (len(points) * density)[:, None]
-    return directions, irradiance, _cone_radius(1 / (len(points) * density))
+    return directions, irradiance, cone_radius(1 / (len(points) * density))
 
 
 def _median_parts(total: Array, region: Region) -> tuple[Region, Region] | None:
@@ -172,11 +173,6 @@ def _centroids(light: Array, weight: Array, regions: list[Region]) -> Lights:
             irradiance.append(light[region].sum(axis=(0, 1)))
             radius.append(np.arccos(np.clip(2 * length / weight[region].sum() - 1, 0, 1)))
     return np.array(directions), np.array(irradiance), np.array(radius)
-
-
-def _cone_radius(solid_angle_sr: Array) -> Array:
-    """Return the angle in rad between axis and edge of a cone, at most π/2."""
-    return 2 * np.arcsin(np.sqrt(np.minimum(solid_angle_sr / (4 * np.pi), 0.5)))
 
 
 @cache

@@ -36,7 +36,7 @@ def test_every_method_and_peer_is_a_system():
     compared, missing = chart.systems()
     assert set(METHODS) <= set(compared)
     assert {"random points", "Hammersley points", "median cut (numpy)"} <= set(compared)
-    assert {"Mitsuba 3", "colour-hdri"} <= set(compared) | set(missing)
+    assert {"Mitsuba 3 (scalar)", "colour-hdri"} <= set(compared) | set(missing)
     assert not set(compared) & set(missing)
 
 

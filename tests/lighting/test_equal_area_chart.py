@@ -21,6 +21,11 @@ def test_there_and_back_again():
     np.testing.assert_allclose(height_again, height, atol=1e-12)
 
 
+def test_the_right_edge_belongs_to_the_last_gore():
+    t, _ = on_chart(np.array([4.0, 4.0]), np.array([0.9, -0.9]))
+    assert (t < 3.9).all()
+
+
 def test_areas_are_equal():
     # The Jacobian of (turn, height) → (t, u) is the ratio of areas: 6 on the chart for 4 × 2.
     turn, height = turns_and_heights(1000)
