@@ -68,6 +68,17 @@ class CameraModel(Protocol):
         """
         ...
 
+    def project_jacobian(
+        self, directions: NDArray[np.floating]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return ∂pixel/∂direction (..., 2, 3) and ∂pixel/∂parameters (..., 2, P).
+
+        Of directions (..., 3) as `project` takes them, in pixels per unit of a component, and of
+        the parameters as calibration/models/parameters.py lists them. NaN where a direction is not
+        valid or the projection has no derivative: opposite the axis, at an equirectangular pole.
+        """
+        ...
+
 
 @dataclass(frozen=True)
 class ImageCircle:

@@ -6,7 +6,14 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.models.radial import Focal, check_lens, project_radial, unproject_radial
+from calibration.models.radial import (
+    Derivatives,
+    Focal,
+    check_lens,
+    project_radial,
+    radial_jacobian,
+    unproject_radial,
+)
 
 
 @dataclass(frozen=True)
@@ -45,6 +52,16 @@ class Equidistant:
         """Return unit directions (..., 3), camera frame, and validity (...) of pixels (..., 2)."""
         return unproject_radial(pixels, self.centre_px, self.focal_px, _identity, np.pi)
 
+    def project_jacobian(
+        self, directions: NDArray[np.floating]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return ∂pixel/∂direction (..., 2, 3) and ∂pixel/∂parameters (..., 2, P)."""
+        return radial_jacobian(directions, self.focal_px, _derivatives, self.limit_angle_rad)
+
 
 def _identity(value: NDArray[np.float64]) -> NDArray[np.float64]:
     return value
+
+
+def _derivatives(angle: NDArray[np.float64]) -> Derivatives:
+    return angle, np.ones_like(angle), ()

@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.models.radial import Focal, check_lens
+from calibration.models.radial import Focal, by_centre_and_focal, check_lens
 
 _EDGE_RAD = 1e-9
 """What rounding may add to the angle of a pixel on the seam or a pole."""
@@ -66,6 +66,27 @@ class Equirectangular:
             [level * np.sin(longitude), np.sin(latitude), level * np.cos(longitude)], axis=-1
         )
         return directions, np.asarray(valid)
+
+    def project_jacobian(
+        self, directions: NDArray[np.floating]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return ∂pixel/∂direction (..., 2, 3) and ∂pixel/∂parameters (..., 2, P), NaN at poles."""
+        directions = np.asarray(directions, np.float64)
+        x, y, z = directions[..., 0], directions[..., 1], directions[..., 2]
+        pixels, _ = self.project(directions)
+        level = np.hypot(x, z)
+        valid = np.isfinite(pixels).all(axis=-1) & (level > 0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            longitude = np.stack([z, np.zeros_like(z), -x], axis=-1) / (level**2)[..., None]
+            latitude = np.stack([-y * x / level, level, -y * z / level], axis=-1)
+            latitude /= (level**2 + y**2)[..., None]
+        focal = np.broadcast_to(np.asarray(self.focal_px), 2)
+        by_direction = focal[:, None] * np.stack([longitude, latitude], axis=-2)
+        angles = (pixels - np.asarray(self.centre_px)) / focal
+        by_parameters = by_centre_and_focal(angles, self.focal_px)
+        by_direction[~valid] = np.nan
+        by_parameters[~valid] = np.nan
+        return by_direction, by_parameters
 
 
 def full_sphere(image_size_px: tuple[int, int]) -> Equirectangular:

@@ -6,7 +6,14 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.models.radial import Focal, check_lens, project_radial, unproject_radial
+from calibration.models.radial import (
+    Derivatives,
+    Focal,
+    check_lens,
+    project_radial,
+    radial_jacobian,
+    unproject_radial,
+)
 
 
 @dataclass(frozen=True)
@@ -45,6 +52,12 @@ class Equisolid:
         """Return unit directions (..., 3), camera frame, and validity (...) of pixels (..., 2)."""
         return unproject_radial(pixels, self.centre_px, self.focal_px, _angle, 2.0)
 
+    def project_jacobian(
+        self, directions: NDArray[np.floating]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return ∂pixel/∂direction (..., 2, 3) and ∂pixel/∂parameters (..., 2, P)."""
+        return radial_jacobian(directions, self.focal_px, _derivatives, self.limit_angle_rad)
+
 
 def _radius(angle: NDArray[np.float64]) -> NDArray[np.float64]:
     return 2.0 * np.sin(angle / 2.0)
@@ -53,3 +66,7 @@ def _radius(angle: NDArray[np.float64]) -> NDArray[np.float64]:
 def _angle(radius: NDArray[np.float64]) -> NDArray[np.float64]:
     # The arcsine as an arctangent keeps its precision near the rim.
     return 2.0 * np.arctan2(radius, np.sqrt((2.0 - radius) * (2.0 + radius)))
+
+
+def _derivatives(angle: NDArray[np.float64]) -> Derivatives:
+    return _radius(angle), np.cos(angle / 2.0), ()

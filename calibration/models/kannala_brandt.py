@@ -12,13 +12,23 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from calibration.models.radial import Focal, check_lens, project_radial, unproject_radial
+from calibration.models.radial import (
+    Derivatives,
+    Focal,
+    check_lens,
+    project_radial,
+    radial_jacobian,
+    unproject_radial,
+)
 from capture.errors import InputError
 
 _DERIVATIVE = np.array([1.0, 3.0, 5.0, 7.0, 9.0])
 """Factors of dθ_d/dθ over those of θ_d / θ, both polynomials in θ²."""
+
+_STARTS = 1024
 
 
 @dataclass(frozen=True)
@@ -70,41 +80,90 @@ class KannalaBrandt:
         self, pixels: NDArray[np.floating]
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Return unit directions (..., 3), camera frame, and validity (...) of pixels (..., 2)."""
-        limit_radius = float(self._radius(np.array(self.limit_angle_rad)))
-        return unproject_radial(pixels, self.centre_px, self.focal_px, self._angle, limit_radius)
+        return unproject_radial(
+            pixels, self.centre_px, self.focal_px, self._angle, self._limit_radius
+        )
 
-    @property
+    def project_jacobian(
+        self, directions: NDArray[np.floating]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return ∂pixel/∂direction (..., 2, 3) and ∂pixel/∂parameters (..., 2, P)."""
+        return radial_jacobian(directions, self.focal_px, self._derivatives, self.limit_angle_rad)
+
+    @cached_property
+    def _limit_radius(self) -> float:
+        return float(self._radius(np.array([self.limit_angle_rad]))[0])
+
+    @cached_property
     def _coefficients(self) -> NDArray[np.float64]:
         return np.array([1.0, self.k1, self.k2, self.k3, self.k4])
 
-    def _radius(self, angle: NDArray[np.float64]) -> NDArray[np.float64]:
-        return angle * _even_polynomial(angle, self._coefficients)
+    @cached_property
+    def _start_angles(self) -> NDArray[np.float64]:
+        """Angles at equal steps of θ_d from 0 to the limit, to three or more digits."""
+        angle = np.linspace(0.0, self.limit_angle_rad, 4 * _STARTS)
+        distorted = self._radius(angle)
+        return np.interp(np.linspace(0.0, distorted[-1], _STARTS), distorted, angle)
 
-    def _slope(self, angle: NDArray[np.float64]) -> NDArray[np.float64]:
-        return _even_polynomial(angle, self._coefficients * _DERIVATIVE)
+    def _radius(self, angle: NDArray[np.float64]) -> NDArray[np.float64]:
+        return _distorted(angle, self._coefficients)
 
     def _angle(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Invert θ_d by Newton's method, kept inside a bracket that halves where it would leave."""
-        low = np.zeros_like(radius)
-        high = np.full_like(radius, self.limit_angle_rad)
-        angle = np.minimum(radius, high)
-        for _ in range(60):  # bisection alone would reach full precision in as many steps
-            error = self._radius(angle) - radius
-            low = np.where(error <= 0, angle, low)
-            high = np.where(error >= 0, angle, high)
-            slope = self._slope(angle)
-            step = np.divide(error, slope, out=np.full_like(error, np.inf), where=slope > 0)
-            newton = angle - step
-            inside = (newton >= low) & (newton <= high)
-            following = np.where(inside, newton, (low + high) / 2)
-            change = np.abs(following - angle).max(initial=0.0)
-            angle = following
-            if change < 1e-15:
-                break
-        return angle
+        return _undistorted(radius, self._coefficients, self._start_angles, self._limit_radius)
+
+    def _derivatives(self, angle: NDArray[np.float64]) -> Derivatives:
+        slope = np.polynomial.polynomial.polyval(angle**2, self._coefficients * _DERIVATIVE)
+        powers = [angle ** (2 * order + 1) for order in range(1, 5)]
+        return self._radius(angle), slope, powers
 
 
-def _even_polynomial(
-    angle: NDArray[np.float64], coefficients: NDArray[np.float64]
+@njit(cache=True, nogil=True)
+def _distorted(angle: NDArray[np.float64], k: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return θ_d (n,) of angles (n,), with k the coefficients of θ, θ³, … θ⁹."""
+    distorted = np.empty_like(angle)
+    for i in range(len(angle)):
+        square = angle[i] * angle[i]
+        series = k[0] + square * (k[1] + square * (k[2] + square * (k[3] + square * k[4])))
+        distorted[i] = angle[i] * series
+    return distorted
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _undistorted(
+    distorted: NDArray[np.float64],
+    k: NDArray[np.float64],
+    starts: NDArray[np.float64],
+    limit_radius: float,
 ) -> NDArray[np.float64]:
-    return np.asarray(np.polynomial.polynomial.polyval(angle**2, coefficients), np.float64)
+    """Return the angles (n,) at which θ_d takes its values (n,), from 0 to `limit_radius`.
+
+    Newton's method from between the starts, kept inside a bracket that halves where it would leave.
+    """
+    _, k1, k2, k3, k4 = k
+    steps = len(starts) - 1
+    angles = np.empty_like(distorted)
+    for i in range(len(distorted)):
+        at = distorted[i] * (steps / limit_radius)
+        step = min(int(at), steps - 1)
+        angle = starts[step] + (at - step) * (starts[step + 1] - starts[step])
+        low, high = 0.0, starts[-1]
+        for _ in range(60):  # bisection alone would reach full precision in as many steps
+            square = angle * angle
+            series = 1 + square * (k1 + square * (k2 + square * (k3 + square * k4)))
+            slope = 1 + square * (3 * k1 + square * (5 * k2 + square * (7 * k3 + square * 9 * k4)))
+            error = angle * series - distorted[i]
+            if error <= 0:
+                low = angle
+            if error >= 0:
+                high = angle
+            following = angle - error / slope if slope > 0 else np.inf
+            newton = low <= following <= high
+            if not newton:
+                following = (low + high) / 2
+            change = abs(following - angle)
+            angle = following
+            # A step of Newton's squares the error, so that the next would be below rounding.
+            if change < (1e-9 if newton else 1e-15):
+                break
+        angles[i] = angle
+    return angles

@@ -14,7 +14,13 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.models.radial import check_lens, project_radial, unproject_radial
+from calibration.models.radial import (
+    Derivatives,
+    check_lens,
+    project_radial,
+    radial_jacobian,
+    unproject_radial,
+)
 from capture.errors import InputError
 
 _FLIP_Z = np.array([1.0, 1.0, -1.0])
@@ -75,8 +81,37 @@ class MirrorBall:
         backward, valid = unproject_radial(pixels, self.centre_px, self.radius_px, self._angle, 1.0)
         return backward * _FLIP_Z, valid
 
+    def project_jacobian(
+        self, directions: NDArray[np.floating]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return ∂pixel/∂direction (..., 2, 3) and ∂pixel/∂parameters (..., 2, P)."""
+        backward = np.asarray(directions, np.float64) * _FLIP_Z
+        by_backward, by_parameters = radial_jacobian(
+            backward, self.radius_px, self._derivatives, self.limit_angle_rad
+        )
+        return by_backward * _FLIP_Z, by_parameters
+
     def _radius(self, angle: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Radius over the outline's at the angle θ: Newton's method for i in θ = 2 i − α(i).
+        """Radius over the outline's: r ∝ tan α in perspective, and sin α = sin i / D."""
+        ratio_squared = self.distance_ratio**2
+        sine = np.sin(self._incidence(angle))
+        return sine * np.sqrt((ratio_squared - 1.0) / (ratio_squared - sine**2))
+
+    def _derivatives(self, angle: NDArray[np.float64]) -> Derivatives:
+        ratio, ratio_squared = self.distance_ratio, self.distance_ratio**2
+        incidence = self._incidence(angle)
+        sine, cosine = np.sin(incidence), np.cos(incidence)
+        rest = ratio_squared - sine**2
+        radius = sine * np.sqrt((ratio_squared - 1.0) / rest)
+        by_incidence = np.sqrt(ratio_squared - 1.0) * cosine * ratio_squared / rest**1.5
+        slope = by_incidence / (2.0 - cosine / np.sqrt(rest))
+        # At one θ, more distance turns the normal: ∂i/∂D = −(∂θ/∂D) / (∂θ/∂i).
+        by_ratio = radius * ratio * cosine**2 / ((ratio_squared - 1.0) * rest)
+        by_ratio -= slope * sine / (ratio * np.sqrt(rest))
+        return radius, slope, (by_ratio,)
+
+    def _incidence(self, angle: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Incidence i at the angle θ from −z: Newton's method for θ = 2 i − α(i).
 
         θ(i) rises with a slope between 1 and 2 and is convex, so that from the second step on the
         iterates fall toward the root.
@@ -92,9 +127,7 @@ class MirrorBall:
             incidence = following
             if change < 1e-15:
                 break
-        sine = np.sin(incidence)
-        # The camera's perspective: r ∝ tan α, and sin α = sin i / D.
-        return sine * np.sqrt((ratio_squared - 1.0) / (ratio_squared - sine**2))
+        return incidence
 
     def _angle(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
         ratio_squared = self.distance_ratio**2

@@ -6,7 +6,14 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.models.radial import Focal, check_lens, project_radial, unproject_radial
+from calibration.models.radial import (
+    Derivatives,
+    Focal,
+    check_lens,
+    project_radial,
+    radial_jacobian,
+    unproject_radial,
+)
 
 
 @dataclass(frozen=True)
@@ -47,6 +54,12 @@ class Stereographic:
             pixels, self.centre_px, self.focal_px, _angle, np.finfo(np.float64).max
         )
 
+    def project_jacobian(
+        self, directions: NDArray[np.floating]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return ∂pixel/∂direction (..., 2, 3) and ∂pixel/∂parameters (..., 2, P)."""
+        return radial_jacobian(directions, self.focal_px, _derivatives, self.limit_angle_rad)
+
 
 def _radius(angle: NDArray[np.float64]) -> NDArray[np.float64]:
     return 2.0 * np.tan(angle / 2.0)
@@ -54,3 +67,7 @@ def _radius(angle: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _angle(radius: NDArray[np.float64]) -> NDArray[np.float64]:
     return 2.0 * np.arctan(radius / 2.0)
+
+
+def _derivatives(angle: NDArray[np.float64]) -> Derivatives:
+    return _radius(angle), 1.0 / np.cos(angle / 2.0) ** 2, ()

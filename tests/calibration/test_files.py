@@ -9,13 +9,18 @@ import pytest
 
 from calibration.camera import LEVEL, UP, Calibration, ImageCircle
 from calibration.files import read_calibration, write_calibration
+from calibration.models.double_sphere import DoubleSphere
 from calibration.models.equidistant import Equidistant
 from calibration.models.equirectangular import full_sphere
 from calibration.models.equisolid import Equisolid
+from calibration.models.extended_unified import ExtendedUnified
 from calibration.models.kannala_brandt import KannalaBrandt
 from calibration.models.mirror_ball import MirrorBall
+from calibration.models.ocam import OCam
 from calibration.models.orthographic import Orthographic
+from calibration.models.splined_radial import SplinedRadial
 from calibration.models.stereographic import Stereographic
+from calibration.models.unified import Unified
 from capture.errors import InputError
 
 CENTRE = (319.7, 241.1)
@@ -42,6 +47,11 @@ def written(folder: Path, content: object) -> Path:
         Stereographic(CENTRE, 0.1 + 0.2),
         Orthographic(CENTRE, 1 / 3),
         KannalaBrandt(CENTRE, (150.0, 151.0), 0.03, -0.01, 0.004, -0.0006),
+        OCam(CENTRE, 209.3, (-0.46, 0.224, -0.197), 0.99887, -0.000169, 0.00011),
+        Unified(CENTRE, (310.0, 311.0), 1.4, -0.03, 0.002, 0.0001, -0.0003),
+        ExtendedUnified(CENTRE, 150.0, 0.586, 1.139),
+        DoubleSphere(CENTRE, 130.0, -0.244, 0.566),
+        SplinedRadial(CENTRE, 150.0, 1.9, (0.01, 0.02, -0.1)),
         MirrorBall(CENTRE, 200.1, 7.3),
         full_sphere((640, 480)),
     ],
