@@ -32,7 +32,7 @@ BATCH = 64
 """Lights per pass over the picture."""
 
 DOME_ATLAS_SIDE_PX = 2048
-"""Holds maps of 512² for the dome over a ground, and of 256² for the whole dome."""
+"""Holds maps of 256² for the whole dome."""
 
 MAX_SAMPLES = 2**26
 """Samples of a picture, each of which takes 100 bytes: 4096 × 4096 pixels of 2 × 2."""
@@ -134,7 +134,7 @@ class Renderer:
             self._add_lights(self._atlas, directions[part], irradiance[part], radius_rad[part])
         if lights.fill.any():
             dome = dome_lights(lights.fill, upper_only=self._scene.ground is not None)
-            # Of its own, because lights that come and go would displace the dome's maps.
+            # An atlas of its own: lights that come and go would displace the dome's maps.
             self._dome_atlas = self._dome_atlas or ShadowAtlas(
                 self._context, self._casters, DOME_ATLAS_SIDE_PX
             )
