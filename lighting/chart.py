@@ -196,13 +196,15 @@ def as_csv(measurements: Sequence[Measurement]) -> str:
 
 
 def read_known(path: Path) -> dict[str, Measurement]:
-    """Return earlier results from a file of `write_known`, none if it is not there."""
+    """Return earlier results of this code from a file of `write_known`, none if it is not there."""
     try:
-        return msgspec.json.decode(path.read_bytes(), type=_File).measurements
+        found = msgspec.json.decode(path.read_bytes(), type=_File).measurements
     except FileNotFoundError:
         return {}
     except (OSError, msgspec.DecodeError) as error:
         raise InputError(f"{path}: not a file of earlier results ({error}); remove it") from error
+    # Or the file would grow with every version.
+    return {key: row for key, row in found.items() if key.startswith(_code_digest())}
 
 
 def write_known(path: Path, known: dict[str, Measurement]) -> None:

@@ -11,7 +11,8 @@ Output : directions, irradiance and angular radius of each light.
 Cost   : one pass over the map and two over its blocks; then a little for each light. What belongs
          to a size of map is found once, in about 0.1 s.
 Fails  : a source on a border is cut in two, and its lights jump as it passes from one leaf to the
-         next (tests/limits/test_q2_tree_borders.py); a block is in the leaf that its centre is in.
+         next (tests/limits/test_q2_tree_borders.py); a block is in the leaf that its centre is in,
+         which is up to half a block off where the last row of blocks is not whole.
 
 References
 ----------

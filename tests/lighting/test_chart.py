@@ -103,13 +103,15 @@ def test_what_is_known_is_not_measured_again(tmp_path):
         assert system.calls > calls
 
 
-def test_changed_code_is_measured_again(monkeypatch):
+def test_changed_code_is_measured_again_and_replaces_what_was(monkeypatch, tmp_path):
     system, known, maps = Counted(), {}, {"m": outdoors(8)}
     list(chart.measure(maps, {"cells": system}, [4], known))
     calls = system.calls
+    chart.write_known(tmp_path / "known.json", known)
     monkeypatch.setattr(chart, "_code_digest", lambda: "newer")
     list(chart.measure(maps, {"cells": system}, [4], known))
     assert system.calls > calls
+    assert chart.read_known(tmp_path / "known.json") == {}
 
 
 def test_a_slow_system_is_spared_larger_counts(monkeypatch):
