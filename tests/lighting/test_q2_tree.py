@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from lighting.error_measures import spread_directions
+from lighting.latlong import cell_directions, solid_angles
 from lighting.methods.q2_tree import q2_tree, quadrilateral_codes
-from tests.environments import constant
+from tests.environments import constant, environment
 
 LEVELS = 26
 
@@ -48,3 +49,18 @@ def test_an_even_sky_has_a_light_in_each_quadrilateral_of_a_level(count):
     assert len(set(numbers)) == count
     # Blocks astride a border belong to one side, and count as a whole.
     np.testing.assert_allclose(irradiance, 4 * np.pi / count, rtol=0.05)
+
+
+@pytest.mark.parametrize(("power", "of_the_face"), [(1.3, 2), (1.5, 1)])
+def test_what_is_parted_next_has_the_most_power_and_size(power, of_the_face):
+    # A face of power 1, and a quarter of another: a quarter of its size is 4^¼ = 1.41 times less
+    # worth parting. Power alone would part the quarter from 1 on, ω^½ only from 2 on.
+    numbers = quadrilateral_codes(cell_directions(64).reshape(-1, 3)).reshape(64, 128)
+    radiance = np.zeros((64, 128))
+    for is_in, flux in (
+        (numbers >> 2 * LEVELS == 4, 1.0),
+        (numbers >> 2 * (LEVELS - 1) == 4 * 5 + 2, power),
+    ):
+        radiance[is_in] = flux / (solid_angles(64) @ is_in.sum(axis=1))
+    directions, _, _ = q2_tree(environment(radiance), 3)
+    assert (quadrilateral_codes(directions) >> 2 * LEVELS == 4).sum() == of_the_face

@@ -17,20 +17,33 @@ def lamps_in_the_dark(small, large):
 
 
 @pytest.mark.parametrize(
-    ("small", "large", "of_20"),
+    ("small", "large", "count", "of_small"),
     [
         # Below 0.01 sr the lights are as L Δω^¼: sides as 1 : 3 make 9^1.25 = 15.6, so 1.2 of 20
-        # where light alone would make 2.
-        (2, 6, 1),
+        # where light alone would make 2; and as 3 : 8 11.6, so 3.97 of 50. An exponent of 0.35
+        # would make 3.3, one of 0.15 4.7.
+        (2, 6, 20, 1),
+        (3, 8, 50, 4),
         # Above, they are as L: sides of 10 and 20 cells (0.015 and 0.06 sr) make 4, so 4 of 20
         # where the fourth root would make 3.
-        (10, 20, 4),
+        (10, 20, 20, 4),
     ],
 )
-def test_lights_are_as_the_metric(small, large, of_20):
-    directions, _, _ = structured(lamps_in_the_dark(small, large), 20)
+def test_lights_are_as_the_metric(small, large, count, of_small):
+    directions, _, _ = structured(lamps_in_the_dark(small, large), count)
     # The small lamp stands on the left, at φ > 0, so toward +X.
-    assert (directions[:, 0] > 0).sum() == of_20
+    assert (directions[:, 0] > 0).sum() == of_small
+
+
+@pytest.mark.parametrize(("threshold", "columns"), [(2, 58), (3, 20), (4, 11), (5, 7)])
+def test_lights_do_not_mix_what_a_threshold_parts(threshold, columns):
+    # A red field of luminance threshold − ½ touches a blue one of + ½. They are so wide that the
+    # deviation is 1.
+    radiance = np.zeros((64, 128, 3))
+    radiance[24:40, 5 : 5 + columns, 0] = (threshold - 0.5) / 0.2126
+    radiance[24:40, 5 + columns : 5 + 2 * columns, 2] = (threshold + 0.5) / 0.0722
+    _, irradiance, _ = structured(environment(radiance), 15)
+    assert (irradiance[:, [0, 2]] == 0).any(axis=1).all()
 
 
 @pytest.mark.parametrize("columns", [0, 5, 26, 27, 40])
