@@ -140,7 +140,7 @@ def _least(constant, linear, eigenvalues, linear_factor, quadratic_factor):  # t
         else:
             high = s
     d = -b / np.maximum(2 * (above + high), _TINY)
-    lacking = max(1 - (d * d).sum(), 0.0)
-    d[0] += np.sqrt(lacking) if d[0] >= 0 else -np.sqrt(lacking)
+    along = np.sqrt(max(1 - d[1] * d[1] - d[2] * d[2], 0.0))
+    d[0] = along if d[0] >= 0 else -along
     d /= np.sqrt((d * d).sum())
     return constant + (b * d).sum() + quadratic_factor * (eigenvalues * d * d).sum()
