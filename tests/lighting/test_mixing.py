@@ -78,6 +78,14 @@ def test_a_match_takes_its_place_and_others_the_free_ones():
     np.testing.assert_allclose(irradiance[:, 0], [1, 0.5, 0.5, 1, 0.5])
 
 
+def test_a_new_light_comes_with_its_extent_and_kind():
+    last = LightSet(towards([0]), np.ones((1, 3)), [0.1])
+    new = LightSet(towards([0, 90]), np.ones((2, 3)), [0.3, 0.2], is_key=np.array([False, True]))
+    (_, _, radius_rad, is_key), _ = mixed(last, new, 0.25)
+    np.testing.assert_allclose(radius_rad, [0.15, 0.2])
+    np.testing.assert_array_equal(is_key, [False, True])
+
+
 @pytest.mark.parametrize(
     ("turn_deg", "radius_deg", "part"),
     [(1, 10, 0.3), (4, 10, 0.4), (9, 5, 1.0), (0.1, 0, np.radians(0.1) / SUN_RADIUS_RAD)],
@@ -90,6 +98,15 @@ def test_a_light_turns_by_the_share_or_by_how_far_it_is_in_radii(turn_deg, radiu
     turned_deg = np.degrees(np.arctan2(direction[0], direction[1]))
     # A chord's parts are not an arc's: 4e-4 of 10°. A turn is measured by its chord, too.
     assert turned_deg == pytest.approx(part * turn_deg, rel=5e-3)
+
+
+@pytest.mark.parametrize(("before_deg", "after_deg"), [(5, 10), (10, 5)])
+def test_a_turn_is_measured_by_the_larger_radius_which_changes_as_much(before_deg, after_deg):
+    last = LightSet(towards([0]), np.ones((1, 3)), np.radians([before_deg]))
+    new = LightSet(towards([4]), np.ones((1, 3)), np.radians([after_deg]))
+    (directions, _, radius_rad, _), _ = mixed(last, new, 0.3)
+    assert np.degrees(np.arctan2(*directions[0, :2])) == pytest.approx(0.4 * 4, rel=5e-3)
+    assert np.degrees(radius_rad[0]) == pytest.approx(0.6 * before_deg + 0.4 * after_deg, rel=1e-3)
 
 
 def test_the_stronger_light_draws_the_direction():
@@ -116,6 +133,15 @@ def test_a_faint_light_leaves_its_light_to_the_nearest():
     (directions, irradiance, _, _), _ = mixed(last, new, 0.1)  # 0.099
     np.testing.assert_allclose(irradiance[:, 0], [1.099, 0, 1])
     np.testing.assert_array_equal(directions, last.directions)
+
+
+def test_dark_lights_among_the_new_take_no_place_and_no_light():
+    last = LightSet(towards([0, 40, 100]), [[1.0] * 3, [0.01] * 3, [1.0] * 3], np.zeros(3))
+    power = np.array([1.0, 0.0, 1.0, 1.0])
+    new = LightSet(towards([0, 40, 100, 240]), power[:, None] * np.ones(3), np.zeros(4))
+    (directions, irradiance, _, _), _ = mixed(last, new, 0.1)
+    np.testing.assert_allclose(irradiance[:, 0], [1.009, 0.1, 1])
+    np.testing.assert_allclose(directions, towards([0, 240, 100]), atol=1e-12)
 
 
 def test_no_more_lights_fade_than_stated_and_the_strongest_do():
