@@ -4,9 +4,8 @@ Input  : a recording's folder.
 Output : a folder with maps/*.exr (and *.png to look at), lights/*.json, pictures/*.png, video.mp4
 and session.json.
 Cost   : per bracket, see `fishlight replay --timings`; the ways from a picture to a map and to
-blocks are built once. A method that takes block sums gets them from the camera's picture: in the
-time it takes to sum up the map, and the lights need not wait for the map, which only the picture's
-background needs.
+blocks are built once. A method that takes block sums gets them from the camera's picture, which
+takes as long as to sum up the map: so the map is only for the background and for people.
 Fails  : a bracket that cannot be read holds the picture of the one before it in the video, and is
          counted; no map, lights or picture are written for it, and the lights of the next one
          follow those of the one before it.
