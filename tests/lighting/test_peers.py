@@ -53,6 +53,14 @@ def test_points_of_the_cdf_have_no_bias(peer):
     np.testing.assert_allclose(lights.irradiance.sum(axis=0), outdoors(32).integral(), rtol=0.02)
 
 
+def test_hammersley_points_stand_in_the_middle_of_their_steps():
+    # Under an even sky: four heights, and the turns 0, ½, ¼, ¾ of the radical inverse, plus ⅛.
+    directions, _, _ = hammersley_points(constant(64), 4)
+    np.testing.assert_allclose(directions[:, 1], [0.75, 0.25, -0.25, -0.75], atol=0.01)
+    turns = (1 - np.arctan2(directions[:, 0], directions[:, 2]) / np.pi) / 2
+    np.testing.assert_allclose(turns, [0.125, 0.625, 0.375, 0.875], atol=1e-3)
+
+
 @pytest.mark.parametrize("count", [1, 5, 64])
 def test_median_cut_keeps_the_energy(count):
     lights = LightSet(*median_cut(outdoors(32), count))

@@ -65,6 +65,34 @@ def test_frames_come_at_an_even_rate_or_not():
     assert uneven.sum() == pytest.approx(COUNT - 1 + 2, abs=0.8)  # two frames are missing
 
 
+def test_every_tenth_frame_is_missing():
+    # A hundred of 111, each at most 0.4 frames early or late.
+    times_s = [t.timestamp_s for t in frames(SEQUENCES["two suns"], 8, 100, irregular=True)]
+    numbers = np.arange(100) + np.arange(100) // 9
+    off = np.array(times_s) * RATE_HZ - numbers
+    assert np.ptp(off) < 0.8
+
+
+def test_what_is_covered_is_dimmed_sky_and_source_each_by_its_own():
+    source = Source(1.0, lambda _time_s: np.array([0.0, 1.0, 0.0]))
+    plain = next(frames(Sequence((source,), sky=1.0), 16, 1)).truth
+    covered = next(
+        frames(
+            Sequence(
+                (source,),
+                cover=lambda directions, _time_s: np.ones(directions.shape[:-1]),
+                covered_sky=0.5,
+                covered_source=0.25,
+            ),
+            16,
+            1,
+        )
+    )
+    np.testing.assert_allclose(covered.truth.radiance[2:], 0.5 * plain.radiance[2:], rtol=1e-6)
+    half = flux(plain) / 2  # of both, sky and source
+    assert flux(covered.truth) == pytest.approx(0.75 * half, rel=1e-5)
+
+
 @pytest.mark.parametrize("kind", ["hard", "soft"])
 def test_a_sun_crosses_the_seam_in_the_middle(kind):
     path = directions(shown(f"{kind} sun over the seam"))[:, 0]

@@ -82,6 +82,15 @@ def test_the_motion_of_a_light_that_does_not_matter_is_not_the_largest():
     assert np.degrees(mean_rad) == pytest.approx(30 * 0.009 / 1.009)
 
 
+def test_a_light_matters_by_its_share_of_all_light_not_of_the_brightest():
+    # The last has 0.012 of the brightest, but 0.4 % of all.
+    before, after = (
+        lights([0, 90, 180, 45], [1, 1, 1, 0.012]),
+        lights([0, 90, 180, 55], [1, 1, 1, 0.012]),
+    )
+    assert direction_motion(before, after)[1] == 0
+
+
 def test_without_lights_nothing_moves():
     none = LightSet(np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
     assert direction_motion(none, lights([0], [1])) == (0, 0)
