@@ -20,7 +20,7 @@ from typing import Any
 from tests.benchmarks.chart import draw_rows
 
 HERE = Path(__file__).parent
-STAGES = ("pipeline", "merge", "remap", "source", "lights", "render")
+STAGES = ("pipeline", "merge", "camera", "remap", "source", "lights", "render")
 
 
 def machine() -> dict[str, Any]:

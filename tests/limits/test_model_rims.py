@@ -4,8 +4,9 @@ Claim    : beyond its limit a model refuses directions and pixels; it never mirr
 Setup    : double spheres, OCam polynomials, and unified models with tangential distortion.
 Expected : a double sphere ends where the radius turns or has no bound, for usual numbers near 110°;
            the bound of its paper, acos(−w2), is up to 1.5° short of that. An OCam polynomial that
-           turns ends at the first radius of the same angle to both sides. Tangential distortion p folds one side first, and the others are cut off as far
-           out: with 2 Δ|m| / |m| of the order of 6 |p| |m|, under half a degree at |p| = 0.001.
+           turns ends at the first radius of the same angle to both sides. Tangential distortion p
+           folds one side first, and the others are cut off as far out: with 2 Δ|m| / |m| of the
+           order of 6 |p| |m|, under half a degree at |p| = 0.001.
 Measured : double sphere, ξ = −0.2: 105.0° at α = 0.3 and 0.7, 123.2° at 0.6. OCam (−0.4, 0.2):
            64.2° at 1.78 focal lengths. Unified, ξ = 1, k1 = −0.05: 137.66° without p, 137.36° at
            0.001, 131.4° at 0.02.
