@@ -5,9 +5,9 @@ Source : T. Mitsunaga and S. K. Nayar, "Radiometric Self Calibration", CVPR 1999
          the ratios of neighbouring exposures are those of all channels together.
 Input  : Samples.    Output : Curve without a deviation, and corrected exposures.
 Cost   : 0.2 s for 4,000 patches at 5 exposures.
-Fails  : a polynomial does not follow a toe. A power of the curve and of the ratios fits as well, so
-         with wrong labels, and slowly with right ones, both drift together; the ratios therefore
-         stay as labelled unless the samples have a tolerance.
+Fails  : a polynomial does not follow a toe. A power of the curve and of the ratios fits as well,
+         and both drift together; here the ratios therefore keep their labelled trend, and stay as
+         labelled unless the samples have a tolerance.
 """
 
 from itertools import pairwise
@@ -76,7 +76,7 @@ def _polynomial(
 def _estimated(
     samples: Samples, fits: list[NDArray[np.float64]], log_signal: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return log signals whose neighbours' ratios are those of the values, and mean as labelled."""
+    """Return log signals whose neighbours' ratios are those of the values, about the old trend."""
     values = np.stack(
         [_value(samples.counts[..., channel], fit) for channel, fit in enumerate(fits)], axis=-1
     )
@@ -87,4 +87,6 @@ def _estimated(
         labelled = log_signal[following] - log_signal[k]
         steps.append(np.log(brighter / darker) if darker > 0 else labelled)
     estimated = np.concatenate([[0.0], np.cumsum(steps)])
-    return estimated - estimated.mean() + samples.log_signal.mean()
+    change = estimated - samples.log_signal
+    trend = np.stack([np.ones(len(change)), samples.log_signal], axis=1)
+    return estimated - trend @ np.linalg.lstsq(trend, change, rcond=None)[0]

@@ -5,8 +5,9 @@ Input  : Samples.    Output : Curve with its standard deviation, and corrected e
 Cost   : 0.5 s for 3,000 patches at 5 exposures.
 Fails  : counts that no patch has, and a ripple with the exposures' common ratio, follow from what
          tone curves look like (calibration.response_family); the deviation says how far that holds
-         for such curves. With a tolerance, an error of the labels that grows with the exposure's
-         logarithm is a power of the curve, and only the tolerance holds it.
+         for such curves. An error of the labels that grows with the exposure's logarithm is a power
+         of the curve: a tolerance frees the exposures only about their trend, by at most twice
+         itself, and the deviation holds what the trend may be off.
 
 Unknowns are the same number of coefficients for each channel and, given a tolerance, one correction
 for each exposure; the E_i are eliminated. Every coefficient has the variance that the family gives
@@ -35,6 +36,8 @@ _OUTLIER = 3.0
 _LEAST_DEVIATION = 0.0003
 """Of log g over its value at the middle count: what the second order of `_shaded` leaves."""
 _LEAST_SLOPE = 1e-4
+_BELIEVED = 1e8
+"""Precision of what is taken for certain: the exposures' mean and trend."""
 
 
 @dataclass(frozen=True)
@@ -62,13 +65,14 @@ def fit_monotone(samples: Samples) -> Curve:
     unknowns = np.zeros(3 * COMPONENTS + problem.correction_count)
     for _ in range(_ROUNDS):
         shaded = _shaded(problem, unknowns)
-        normals = _normal_equations(shaded, _weights(shaded, unknowns))
+        weights = _weights(shaded, unknowns)
+        normals = _normal_equations(shaded, weights)
         count = _cross_validated(normals, problem)
         unknowns, covariance = _solve(normals.sum(axis=0), problem, count)
-        unknowns = _rising(unknowns, covariance)
+        unknowns = _admissible(unknowns, covariance, problem)
     # What the left-out components could still change belongs to the uncertainty.
     _, covariance = _solve(normals.sum(axis=0), problem, COMPONENTS)
-    return _curve(unknowns, covariance, problem)
+    return _curve(unknowns, covariance, problem, _lack_of_fit(shaded, unknowns, weights))
 
 
 def _problem(samples: Samples) -> _Problem:
@@ -124,18 +128,44 @@ def _weights(problem: _Problem, unknowns: NDArray[np.float64]) -> NDArray[np.flo
     with np.errstate(invalid="ignore"):
         noise = np.maximum(_at_counts(problem, slope), _LEAST_SLOPE) ** 2 * problem.samples.variance
     plain = np.where(problem.used, 1.0 / noise, 0.0)
-    coefficients = unknowns[: 3 * COMPONENTS].reshape(3, COMPONENTS)
-    values = problem.mean + np.einsum("nkcm,cm->nkc", problem.basis, coefficients)
-    exposure = problem.samples.log_signal.copy()
-    if problem.correction_count:
-        exposure += unknowns[3 * COMPONENTS :]
-    residuals = _centred(values - exposure[:, None], plain)
+    residuals = _residuals(problem, unknowns, plain)
     # What a patch's own mean leaves of an exposure's error: the more weight, the less.
     share = 1.0 - plain / np.maximum(plain.sum(axis=1, keepdims=True), 1e-300)
     squared = residuals**2 * plain / np.maximum(share, 1e-3)
     median_of_chi_squared = 0.4549
     scale = float(np.median(squared[problem.used & (share > 0.05)])) / median_of_chi_squared
     return plain / scale / (1.0 + squared / (scale * _OUTLIER**2))
+
+
+def _residuals(
+    problem: _Problem, unknowns: NDArray[np.float64], weights: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return log g − log signal − log E, (N, K, 3), E from the patch's exposures together."""
+    coefficients = unknowns[: 3 * COMPONENTS].reshape(3, COMPONENTS)
+    values = problem.mean + np.einsum("nkcm,cm->nkc", problem.basis, coefficients)
+    exposure = problem.samples.log_signal.copy()
+    if problem.correction_count:
+        exposure += unknowns[3 * COMPONENTS :]
+    return _centred(values - exposure[:, None], weights)
+
+
+def _lack_of_fit(
+    problem: _Problem, unknowns: NDArray[np.float64], weights: NDArray[np.float64]
+) -> float:
+    """Return the standard deviation of log g that no number of patches takes away.
+
+    Residuals are averaged by exposure, channel and count, in bins of 16: their scatter beyond
+    chance is what one curve cannot explain, such as JPEG's rounding of colours.
+    """
+    residuals = _residuals(problem, unknowns, weights)
+    counts = np.where(problem.used, problem.samples.counts, 0.0).astype(int) // 16
+    exposure = np.arange(residuals.shape[1])[:, None]
+    bins = ((exposure * 3 + np.arange(3)) * 16 + counts)[problem.used]
+    w = weights[problem.used]
+    total = np.bincount(bins, w)
+    seen = total > 0
+    mean = np.bincount(bins, w * residuals[problem.used])[seen] / total[seen]
+    return float(np.sqrt(max(0.0, np.mean(mean**2 - 1.0 / total[seen]))))
 
 
 def _normal_equations(problem: _Problem, weights: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -172,40 +202,57 @@ def _solve(
     The other components are 0, and the curves may fall.
     """
     size = len(normal) - 1
-    precision = np.full(size, problem.samples.tolerance**-2 if problem.correction_count else 0.0)
-    precision[: 3 * COMPONENTS] = _WIDENING**-2
+    precision = np.zeros((size, size))
+    np.fill_diagonal(precision[: 3 * COMPONENTS], _WIDENING**-2)
+    if problem.correction_count:
+        trend = np.stack([np.ones(problem.correction_count), _centred_signal(problem)])
+        precision[3 * COMPONENTS :, 3 * COMPONENTS :] = (
+            np.eye(problem.correction_count) / problem.samples.tolerance**2
+            + _BELIEVED * trend.T @ trend
+        )
     kept = np.ones(size, np.bool_)
     kept[: 3 * COMPONENTS] = np.tile(np.arange(COMPONENTS) < count, 3)
-    hessian = (normal[:-1, :-1] + np.diag(precision))[np.ix_(kept, kept)]
+    hessian = (normal[:-1, :-1] + precision)[np.ix_(kept, kept)]
     unknowns, covariance = np.zeros(size), np.zeros((size, size))
     covariance[np.ix_(kept, kept)] = np.linalg.inv(hessian)
     unknowns[kept] = np.linalg.solve(hessian, normal[:-1, -1][kept])
     return unknowns, covariance
 
 
-def _rising(unknowns: NDArray[np.float64], covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+def _admissible(
+    unknowns: NDArray[np.float64], covariance: NDArray[np.float64], problem: _Problem
+) -> NDArray[np.float64]:
     """Return the most probable unknowns whose curves rise from every count to the next.
 
-    Least distance programming: C. L. Lawson and R. J. Hanson, "Solving Least Squares Problems",
-    1974, by its dual, which is a non-negative least-squares problem.
+    Corrections stay within two tolerances. Least distance programming: C. L. Lawson and
+    R. J. Hanson, "Solving Least Squares Problems", 1974, by its dual, a non-negative least-squares
+    problem.
     """
-    slope = np.diff(_log_table(unknowns), axis=0)
-    if (slope >= _LEAST_SLOPE).all():
-        return unknowns
+    free = problem.correction_count
     _, components = curve_family()
     rise = np.kron(np.eye(3), np.diff(components, axis=0))
-    rise = np.pad(rise, ((0, 0), (0, len(unknowns) - rise.shape[1])))
-    missing = _LEAST_SLOPE - slope.T.ravel()
-    # In y = root⁻¹ (u − unknowns) the distance is Euclidean and the bound rise·root·y ≥ missing.
+    bound = np.zeros((len(rise) + 2 * free, len(unknowns)))
+    bound[: len(rise), : 3 * COMPONENTS] = rise
+    bound[len(rise) :, 3 * COMPONENTS :] = np.vstack([np.eye(free), -np.eye(free)])
+    slope = np.diff(_log_table(unknowns), axis=0)
+    corrections = unknowns[3 * COMPONENTS :]
+    most = 2.0 * problem.samples.tolerance
+    missing = np.concatenate(
+        [_LEAST_SLOPE - slope.T.ravel(), -most - corrections, corrections - most]
+    )
+    if (missing <= 0).all():
+        return unknowns
+    # In y = root⁻¹ (u − unknowns) the distance is Euclidean and the bound is bound·root·y ≥ missing.
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    bound = rise @ root
-    stacked = np.vstack([bound.T, missing])
+    bound = bound @ root
+    unit = np.max(missing / np.maximum(np.linalg.norm(bound, axis=1), 1e-12))
+    stacked = np.vstack([bound.T, missing / unit])
     goal = np.zeros(len(stacked))
     goal[-1] = 1.0
     dual, _ = nnls(stacked, goal)
     residual = stacked @ dual - goal
-    return unknowns + root @ (-residual[:-1] / residual[-1])
+    return unknowns + root @ (-unit * residual[:-1] / residual[-1])
 
 
 def _cross_validated(normals: NDArray[np.float64], problem: _Problem) -> int:
@@ -229,8 +276,15 @@ def _cross_validated(normals: NDArray[np.float64], problem: _Problem) -> int:
     return counts[int(np.argmax(total - total[best] <= chance))]
 
 
+def _centred_signal(problem: _Problem) -> NDArray[np.float64]:
+    return problem.samples.log_signal - problem.samples.log_signal.mean()
+
+
 def _curve(
-    unknowns: NDArray[np.float64], covariance: NDArray[np.float64], problem: _Problem
+    unknowns: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    problem: _Problem,
+    lack_of_fit: float,
 ) -> Curve:
     log_values = _log_table(unknowns)
     values = scaled(np.exp(log_values))
@@ -243,7 +297,11 @@ def _curve(
         ],
         axis=-1,
     )
-    deviation = values * np.sqrt(np.maximum(log_variance, 0.0) + _LEAST_DEVIATION**2)
+    least = max(lack_of_fit, _LEAST_DEVIATION)
+    if problem.correction_count:
+        trend = problem.samples.tolerance / np.linalg.norm(_centred_signal(problem))
+        log_variance += ((log_values - log_values[MIDDLE_COUNT]) * trend) ** 2
+    deviation = values * np.sqrt(np.maximum(log_variance, 0.0) + least**2)
     deviation[[0, MIDDLE_COUNT]] = 0.0
     deviation[MOST_COUNT + 1 :] = 0.0
     correction = np.zeros(len(problem.samples.log_signal))

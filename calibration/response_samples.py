@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from capture.errors import InputError
 from capture.frame import Bracket, Frame
 
-LEAST_COUNT, MOST_COUNT = 3.0, 250
+LEAST_COUNT, MOST_COUNT = 5.0, 250
 """Mean of a patch, and largest count in it, to which it tells about the response: below, noise was
 cut off at black; above, some pixels are full and JPEG has brought them back."""
 
@@ -29,10 +29,10 @@ _STRATA, _PATCHES_PER_STRATUM = 64, 64
 _ROUGHNESS = 0.2
 """Standard deviation within a patch over its mean, above which it holds an edge, or more noise than
 light."""
-_LEAST_DEVIATION_DN = 0.1
+_LEAST_DEVIATION_DN = 0.3
 """Standard deviation of a patch's mean that no averaging takes away: JPEG's rounding of blocks."""
 ROUNDING_DN2 = 1 / 12
-_LEAST_STEP_EV = 0.3
+_LEAST_RANGE_EV, _WIDEST_STEP_EV = 0.3, 3.5
 _FEWEST_PATCHES = 200
 _COVERED_COUNTS = (16, 240)
 _WIDEST_GAP = 80
@@ -86,8 +86,8 @@ def sample_brackets(brackets: Sequence[Bracket], exposure_tolerance_ev: float = 
     Raises
     ------
     InputError
-        If the counts are not of 8 bits, or the brackets do not determine a response: one exposure,
-        exposures too alike, too few patches seen in two of them, or counts that were never seen.
+        If the counts are not of 8 bits, or the brackets do not determine a response: exposures too
+        alike or too far apart, too few patches seen in two of them, or counts that were never seen.
     """
     frames = [frame for bracket in brackets for frame in bracket.frames]
     if any(frame.counts.dtype != np.uint8 for frame in frames):
@@ -96,12 +96,18 @@ def sample_brackets(brackets: Sequence[Bracket], exposure_tolerance_ev: float = 
             "linear as they come, and need none"
         )
     signals = sorted({float(f"{frame.exposure.signal:.6g}") for frame in frames})
-    if len(signals) < 2 or np.log2(signals[-1] / signals[0]) < _LEAST_STEP_EV:
+    if len(signals) < 2 or np.log2(signals[-1] / signals[0]) < _LEAST_RANGE_EV:
         raise InputError(
             "the response needs brackets of two or more different exposures, best 1 to 3 EV apart; "
             f"got {', '.join(f'{signal:g} s' for signal in signals)}"
         )
     log_signal = np.log(signals)
+    closest_ev = float(np.diff(log_signal).min() / np.log(2))
+    if closest_ev > _WIDEST_STEP_EV:
+        raise InputError(
+            f"the exposures are {closest_ev:.1f} EV apart or more, which leaves the response "
+            f"between them open; take some that are 1 to 3 EV apart"
+        )
     parts = [_patches(bracket, log_signal) for bracket in brackets]
     counts, spread, roughness = (np.concatenate(each) for each in zip(*parts, strict=True))
     chosen = _smoothest(counts, roughness)
@@ -127,9 +133,7 @@ def _patches(bracket: Bracket, log_signal: NDArray[np.float64]) -> tuple[NDArray
         k = int(np.argmin(np.abs(log_signal - np.log(frame.exposure.signal))))
         mean, variance, top = _moments(frame, rows, columns)
         usable = (
-            (mean >= LEAST_COUNT)
-            & (top <= MOST_COUNT).all(axis=1, keepdims=True)
-            & (variance <= (_ROUGHNESS * mean) ** 2)
+            (mean >= LEAST_COUNT) & (top <= MOST_COUNT) & (variance <= (_ROUGHNESS * mean) ** 2)
         )
         counts[:, k] = np.where(usable, mean, np.nan)
         spread[:, k] = np.where(usable, variance, np.nan)
