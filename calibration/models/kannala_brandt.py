@@ -19,6 +19,7 @@ from calibration.models.radial import (
     Derivatives,
     Focal,
     check_lens,
+    first_positive_root,
     project_radial,
     radial_jacobian,
     unproject_radial,
@@ -63,10 +64,7 @@ class KannalaBrandt:
     @cached_property
     def limit_angle_rad(self) -> float:
         """First angle at which θ_d stops growing, at most π."""
-        slope_in_square = np.trim_zeros(self._coefficients * _DERIVATIVE, "b")
-        roots = np.polynomial.Polynomial(slope_in_square).roots()
-        turns = roots.real[(abs(roots.imag) < 1e-9) & (roots.real > 0)]
-        return float(min(np.sqrt(turns.min(initial=np.inf)), np.pi))
+        return float(min(np.sqrt(first_positive_root(self._coefficients * _DERIVATIVE)), np.pi))
 
     def project(
         self, directions: NDArray[np.floating]

@@ -16,11 +16,11 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from calibration.models.radial import (
-    FARTHEST,
     Derivatives,
     Focal,
     by_centre_and_focal,
     check_lens,
+    first_positive_root,
     invert_rising,
     project_radial,
     radial_jacobian,
@@ -124,9 +124,7 @@ class OCam:
     @cached_property
     def _limit_radius(self) -> float:
         """First radius at which z − ρ dz/dρ, the sign of dθ/dρ, is 0."""
-        turns = (self._forward - Polynomial([0.0, 1.0]) * self._forward.deriv()).trim().roots()
-        turns = turns.real[(abs(turns.imag) < 1e-9) & (turns.real > 0)]
-        return float(turns.min(initial=FARTHEST))
+        return first_positive_root(self._forward.coef * (1.0 - np.arange(len(self._forward.coef))))
 
     def _angle(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(np.arctan2(radius, self._forward(radius)))

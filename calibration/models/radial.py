@@ -162,6 +162,17 @@ def invert_rising(
     return x
 
 
+def first_positive_root(coefficients: NDArray[np.floating]) -> float:
+    """Return the least positive root of a polynomial, at most `FARTHEST`.
+
+    The coefficients, the constant first, begin with a positive one: the greatest root of the
+    reversed polynomial is the inverse of what is wanted, however small the last coefficients are.
+    """
+    inverse = np.roots(coefficients)
+    real = inverse.real[np.abs(inverse.imag) < 1e-9]
+    return float(1.0 / real.max(initial=1.0 / FARTHEST))
+
+
 def _pair(focal_px: Focal) -> Array:
     return np.broadcast_to(np.asarray(focal_px, np.float64), 2).copy()
 

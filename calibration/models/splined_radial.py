@@ -18,6 +18,7 @@ from calibration.models.radial import (
     Derivatives,
     Focal,
     check_lens,
+    first_positive_root,
     invert_rising,
     project_radial,
     radial_jacobian,
@@ -70,11 +71,10 @@ class SplinedRadial:
         """First angle at which the radius stops growing, at most the spline's end."""
         step = self.end_angle_rad / len(self.deviations)
         for start, values in enumerate(self._control_values):
-            slope = np.polynomial.Polynomial(values @ _BASIS_SLOPE) + step
-            turns = slope.trim().roots()
-            turns = turns.real[(abs(turns.imag) < 1e-9) & (turns.real >= 0) & (turns.real <= 1)]
-            if len(turns):
-                return float((start + turns.min()) * step)
+            slope = values @ _BASIS_SLOPE + [step, 0.0, 0.0]
+            turn = first_positive_root(slope) if slope[0] > 1e-12 * step else 0.0
+            if turn <= 1:
+                return (start + turn) * step
         return self.end_angle_rad
 
     def project(

@@ -13,7 +13,6 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from calibration.models.radial import (
@@ -22,6 +21,7 @@ from calibration.models.radial import (
     Focal,
     by_centre_and_focal,
     check_lens,
+    first_positive_root,
     invert_rising,
     project_radial,
     radial_jacobian,
@@ -141,13 +141,11 @@ class Unified:
         eigenvalues are g = 1 + k1 r² + k2 r⁴ and d(r g)/dr, and p lowers them by up to 6 |p| r:
         where both are above that, the function is strictly convex and its gradient one-to-one.
         """
-        radial = Polynomial([1.0, 0.0, self.k1, 0.0, self.k2])
-        slope = Polynomial([1.0, 0.0, 3.0 * self.k1, 0.0, 5.0 * self.k2])
-        lowering = Polynomial([0.0, 6.0 * np.hypot(self.p1, self.p2)])
-        roots = np.concatenate([(each - lowering).trim().roots() for each in (radial, slope)])
-        turns = roots.real[(abs(roots.imag) < 1e-9) & (roots.real > 0)]
-        rim = FARTHEST if self.xi <= 1 else 1.0 / np.sqrt(self.xi**2 - 1.0)
-        return float(turns.min(initial=min(rim, FARTHEST)))
+        lowering = -6.0 * np.hypot(self.p1, self.p2)
+        radial = np.array([1.0, lowering, self.k1, 0.0, self.k2])
+        slope = np.array([1.0, lowering, 3.0 * self.k1, 0.0, 5.0 * self.k2])
+        rim = FARTHEST if self.xi <= 1 else float(1.0 / np.sqrt(self.xi**2 - 1.0))
+        return min(rim, first_positive_root(radial), first_positive_root(slope))
 
     def _distorted(self, ideal: NDArray[np.float64]) -> NDArray[np.float64]:
         tangential = np.array([self.p2, self.p1])
