@@ -11,8 +11,9 @@ Expected : in the mean over frames, relative to the light: excess change and cha
 Measured : excess and error in % a frame: behind a wall 0.01, 0.06 (hard sun over the seam), 0.05,
            0.18 (soft), 1.9, 4.6 (hard sun over the pole), 0.07, 0.19 (soft), 0.00, 0.05 (two
            suns), below 0.01, 0.03 (one lamp for another, cloud front, light switch), 0.03, 0.06
-           (passer-by); behind a sphere as much or less, over the pole 0.1, 0.17. Lights hold what noise and mains
-           add to the map: 1 % noise on a sun of one cell is 0.8 % a frame, mains at 20 % is 22 %.
+           (passer-by); behind a sphere as much or less, over the pole 0.1, 0.17. Lights hold what
+           noise and mains add to the map: 1 % noise on a sun of one cell is 0.8 % a frame, mains at
+           20 % is 22 %.
            With 128 rows, 3 % noise and a lamp that moves change the error by 0.27 % a frame (aim:
            0.3), 1 % noise moves key lights by 0.006° (aim: 0.01) and cells not at all.
 """
