@@ -6,9 +6,11 @@ Scale  : brackets tell a response up to a factor for each channel. It is fixed s
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from calibration.response_samples import MOST_COUNT, Samples
 from capture.arrays import read_only
@@ -58,17 +60,24 @@ def scaled(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return risen
 
 
-def shares_of_counts(
-    samples: Samples, channel: int
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return what share of its light a patch gives to each count, (N, K, 256), and where, (N, K).
+def shares_of_counts(samples: Samples, channel: int) -> tuple[Any, NDArray[np.bool_]]:
+    """Return what share of it a patch gives to each count, sparse (N·K, 256), and where, (N, K).
 
     A mean count lies between two counts and belongs to both, for methods that know whole counts.
     """
     counts = samples.counts[..., channel]
     used = np.isfinite(counts)
-    inside = np.where(used, counts, 0.0)
-    return np.maximum(0.0, 1.0 - np.abs(inside[..., None] - COUNTS)), used
+    inside = np.where(used, counts, 0.0).ravel()
+    below = np.minimum(inside.astype(int), 254)
+    rows = np.arange(len(inside))
+    shares = csr_array(
+        (
+            np.concatenate([below + 1 - inside, inside - below]),
+            (np.concatenate([rows, rows]), np.concatenate([below, below + 1])),
+        ),
+        shape=(len(inside), 256),
+    )
+    return shares, used
 
 
 def disagreement_ev(samples: Samples, curve: Curve) -> float:

@@ -242,7 +242,7 @@ def _admissible(
     )
     if (missing <= 0).all():
         return unknowns
-    # In y = root⁻¹ (u − unknowns) the distance is Euclidean and the bound is bound·root·y ≥ missing.
+    # In y = root⁻¹ (u − unknowns) the distance is Euclidean, and bound·root·y must reach `missing`.
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     bound = bound @ root
