@@ -27,7 +27,7 @@ def test_lights_tremble_within_bounds(noise, mean_deg, largest_deg, change):
     directions, received = [], []
     for _ in range(16):
         factor = np.clip(1 + noise * rng.standard_normal(still.shape), 0, None)
-        lights = reduce_to_lights(environment(still * factor), 64)
+        lights = reduce_to_lights(environment(still * factor), 64, "inverse-cdf")
         directions.append(lights.directions)
         received.append(irradiance(normals(), lights.directions, lights.irradiance))
     d, e = np.array(directions), np.array(received)

@@ -30,7 +30,7 @@ from tests.steady_sequences import figures
         ("inverse-cdf", "small lamp, 3 % noise", 0.0063, 0.36, 0.4),
         ("inverse-cdf", "mains alias", 0.026, 0.13, 0.1),
         ("adaptive", "still, 1 % noise", 0.0013, 0.001, 0.15),
-        ("adaptive", "small lamp, 3 % noise", 0.0048, 0.075, 0.5),
+        ("adaptive", "small lamp, 3 % noise", 0.0048, 0.42, 0.5),
         ("adaptive", "mains alias", 0.022, 0.002, 0.1),
     ],
 )
