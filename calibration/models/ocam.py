@@ -124,7 +124,8 @@ class OCam:
     @cached_property
     def _limit_radius(self) -> float:
         """First radius at which z − ρ dz/dρ, the sign of dθ/dρ, is 0."""
-        return first_positive_root(self._forward.coef * (1.0 - np.arange(len(self._forward.coef))))
+        terms = np.array([1.0, 0.0, *self.coefficients])
+        return first_positive_root(terms * (1.0 - np.arange(len(terms))))
 
     def _angle(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(np.arctan2(radius, self._forward(radius)))

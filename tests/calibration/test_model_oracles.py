@@ -121,6 +121,17 @@ def test_the_ellipsoid_has_one_radius_for_an_angle_up_to_its_limit(alpha, beta, 
     np.testing.assert_allclose(np.arctan2(returned[:, 0], returned[:, 2]), angle, atol=1e-9)
 
 
+@pytest.mark.parametrize("alpha", [0.8, 1.0, 1.25, 1.5])
+def test_the_ellipsoid_is_inverted_where_the_usual_form_is_0_over_0(alpha: float) -> None:
+    # 1 = α² β ρ² is θ = 90° up to α = 1, and the last angles of narrower lenses above.
+    model = ExtendedUnified((0.0, 0.0), 1.0, alpha, 1.0)
+    pixel = np.array([1.0 / alpha, 0.0])
+    direction, valid = model.unproject(pixel)
+    assert valid
+    assert np.arctan2(direction[0], direction[2]) <= np.pi / 2 + 1e-12
+    np.testing.assert_allclose(model.project(direction)[0], pixel, atol=1e-9)
+
+
 def ocamcalib_ray(polynomial, centre, c, d, e, row, column) -> NDArray[np.float64]:
     """Return the toolbox's ray (row, column, backward) of a pixel, as its cam2world computes it."""
     inverse = 1.0 / (c - d * e)

@@ -47,6 +47,12 @@ def test_a_double_sphere_ends_short_of_the_back(alpha: float, limit_deg: float) 
     refuses_beyond(model, 1e9 if unbounded else 100 / np.sqrt(2 * alpha - 1))
 
 
+def test_a_unified_sphere_seen_from_outside_ends_at_its_outline() -> None:
+    model = Unified(CENTRE, 100.0, 2.0)  # sin θ / (cos θ + ξ) turns at cos θ = −1/ξ
+    assert np.degrees(model.limit_angle_rad) == pytest.approx(120.0)
+    refuses_beyond(model, 100 / np.sqrt(3))
+
+
 def test_an_ocam_polynomial_that_turns_ends_there() -> None:
     model = OCam(CENTRE, 100.0, (-0.4, 0.2))
     assert np.degrees(model.limit_angle_rad) == pytest.approx(64.2, abs=0.1)
