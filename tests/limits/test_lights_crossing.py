@@ -35,7 +35,7 @@ def crossfade(sky):
     first, second = lamp(LAMPS[0]), lamp(LAMPS[1])
     for time in np.linspace(0, 1, FRAMES):
         frame = environment((1 - time) * first + time * second + sky / (4 * np.pi))
-        yield frame, reduce_to_lights(frame, COUNT)
+        yield frame, reduce_to_lights(frame, COUNT, "inverse-cdf")
 
 
 @pytest.mark.parametrize("sky", [0.0, 0.02, 0.1])

@@ -23,7 +23,7 @@ SUN = (20, 30)
 
 def lights_and_share(count):
     environment = sun_in_sky(HEIGHT, 1e6, SUN)
-    lights = reduce_to_lights(environment, count)
+    lights = reduce_to_lights(environment, count, "inverse-cdf")
     share = 1e6 * solid_angles(HEIGHT)[SUN[0]] / environment.integral()[1]
     cell = np.round(direction_to_grid(lights.directions, HEIGHT))
     in_sun = (cell == (SUN[1], SUN[0])).all(axis=1)

@@ -25,7 +25,7 @@ def power_of_the_first(cells, count, waver):
     radiance = np.zeros((HEIGHT, 2 * HEIGHT))
     for cell, power in zip(cells, (1 + waver, 1 - waver), strict=True):
         radiance[cell] = power / solid_angles(HEIGHT)[cell[0]]
-    lights = reduce_to_lights(environment(radiance), count)
+    lights = reduce_to_lights(environment(radiance), count, "inverse-cdf")
     near = lights.directions @ cell_directions(HEIGHT)[cells[0]] > 0.99
     return lights.irradiance[near, 1].sum() / lights.irradiance[:, 1].sum()
 
