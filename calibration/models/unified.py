@@ -29,6 +29,8 @@ from calibration.models.radial import (
 )
 from capture.errors import InputError
 
+_ROUNDING = 1e-15
+
 _SETTLED = 1e-13
 """Residual, in focal lengths and relative, at which a distortion counts as inverted."""
 
@@ -177,15 +179,13 @@ class Unified:
         ideal = wanted * (start / np.where(size > 0, size, 1.0))[:, None]
         for _ in range(50):  # by halves, as at the rim where the Jacobian is singular
             error = self._distorted(ideal) - wanted
-            if np.all(np.abs(error) <= 1e-16 * (1.0 + size[:, None])):
-                break
-            step = _solved(self._distortion_jacobian(ideal), error)
-            following = ideal - step
+            off = np.abs(error).max(axis=-1, initial=0.0) > _ROUNDING * (1.0 + size)
+            following = ideal - _solved(self._distortion_jacobian(ideal), error)
             radius = np.hypot(following[:, 0], following[:, 1])
             following *= np.minimum(1.0, self._limit_radius / np.maximum(radius, 1e-300))[:, None]
-            change = np.abs(following - ideal).max(initial=0.0)
+            moved = np.abs(following - ideal).max(axis=-1, initial=0.0) > _ROUNDING
             ideal = following
-            if change < 1e-16:
+            if not np.any(off & moved):
                 break
         residual = np.abs(self._distorted(ideal) - wanted).max(axis=-1, initial=0.0)
         ideal[~finite | (residual > _SETTLED * (1.0 + size))] = np.nan

@@ -138,6 +138,18 @@ def test_a_pixel_survives_unprojection_and_back(case: Case) -> None:
 
 
 @every_camera
+@pytest.mark.parametrize("spread_px", [100.0, 1000.0, 1e5])
+def test_a_pixel_that_is_seen_is_where_its_direction_lands(case: Case, spread_px: float) -> None:
+    pixels = CENTRE + spread_px * np.random.default_rng(7).normal(size=(2000, 2))
+    directions, valid = case.model.unproject(pixels)
+    returned, projected = case.model.project(directions)
+    np.testing.assert_array_equal(projected, valid)
+    np.testing.assert_allclose(returned[valid], pixels[valid], rtol=1e-6, atol=1e-6)
+    angle = np.arctan2(np.hypot(*directions[valid, :2].T), case.model.axis_z * directions[valid, 2])
+    assert np.all(angle <= case.model.limit_angle_rad + 1e-12)
+
+
+@every_camera
 def test_the_axis_lands_on_the_centre(case: Case) -> None:
     pixel, valid = case.model.project(np.array([0.0, 0.0, case.model.axis_z]))
     assert valid
@@ -395,6 +407,8 @@ def test_kannala_brandt_ends_where_the_radius_stops_growing() -> None:
     # dθ_d/dθ = 1 + 3 k1 θ² = 0 at θ = 1/√(−3 k1).
     assert KannalaBrandt(CENTRE, 1.0, -0.12).limit_angle_rad == pytest.approx(0.36**-0.5)
     assert KannalaBrandt(CENTRE, 1.0, 0.05).limit_angle_rad == np.pi
+    # A last coefficient next to nothing, by which the others cannot be divided, changes nothing.
+    assert KannalaBrandt(CENTRE, 1.0, -0.12, k4=1e-308).limit_angle_rad == pytest.approx(0.36**-0.5)
     # A root of the slope in θ² that is negative or complex bounds nothing.
     assert KannalaBrandt(CENTRE, 1.0, -0.1, 0.1).limit_angle_rad == np.pi
 
