@@ -61,7 +61,7 @@ def scaled(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def shares_of_counts(samples: Samples, channel: int) -> tuple[Any, NDArray[np.bool_]]:
-    """Return what share of it a patch gives to each count, sparse (N·K, 256), and where, (N, K).
+    """Return each patch's share in each count, sparse (N·K, 256), and where it is used, (N, K).
 
     A mean count lies between two counts and belongs to both, for methods that know whole counts.
     """

@@ -155,17 +155,17 @@ def _lack_of_fit(
     """Return the standard deviation of log g that no number of patches takes away.
 
     Residuals are averaged by exposure, channel and count, in bins of 16: their scatter beyond
-    chance is what one curve cannot explain, such as JPEG's rounding of colours.
+    chance is what one curve cannot explain, such as a camera that changes it between exposures.
     """
     residuals = _residuals(problem, unknowns, weights)
     counts = np.where(problem.used, problem.samples.counts, 0.0).astype(int) // 16
     exposure = np.arange(residuals.shape[1])[:, None]
-    bins = ((exposure * 3 + np.arange(3)) * 16 + counts)[problem.used]
+    bins: NDArray[np.intp] = ((exposure * 3 + np.arange(3)) * 16 + counts)[problem.used]
     w = weights[problem.used]
     total = np.bincount(bins, w)
     seen = total > 0
     mean = np.bincount(bins, w * residuals[problem.used])[seen] / total[seen]
-    return float(np.sqrt(max(0.0, np.mean(mean**2 - 1.0 / total[seen]))))
+    return float(np.sqrt(max(0.0, float(np.mean(mean**2 - 1.0 / total[seen])))))
 
 
 def _normal_equations(problem: _Problem, weights: NDArray[np.float64]) -> NDArray[np.float64]:

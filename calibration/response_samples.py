@@ -32,7 +32,8 @@ light."""
 _LEAST_DEVIATION_DN = 0.3
 """Standard deviation of a patch's mean that no averaging takes away: JPEG's rounding of blocks."""
 ROUNDING_DN2 = 1 / 12
-_LEAST_RANGE_EV, _WIDEST_STEP_EV = 0.3, 3.5
+_LEAST_STEP_EV, _WIDEST_STEP_EV = 0.3, 3.5
+"""What two exposures must be apart to tell anything, and may be to determine the curve between."""
 _FEWEST_PATCHES = 200
 _COVERED_COUNTS = (16, 240)
 _WIDEST_GAP = 80
@@ -96,17 +97,18 @@ def sample_brackets(brackets: Sequence[Bracket], exposure_tolerance_ev: float = 
             "linear as they come, and need none"
         )
     signals = sorted({float(f"{frame.exposure.signal:.6g}") for frame in frames})
-    if len(signals) < 2 or np.log2(signals[-1] / signals[0]) < _LEAST_RANGE_EV:
+    log_signal = np.log(signals)
+    apart_ev = np.subtract.outer(log_signal, log_signal) / np.log(2)
+    apart_ev = apart_ev[apart_ev >= _LEAST_STEP_EV]
+    if not apart_ev.size:
         raise InputError(
             "the response needs brackets of two or more different exposures, best 1 to 3 EV apart; "
             f"got {', '.join(f'{signal:g} s' for signal in signals)}"
         )
-    log_signal = np.log(signals)
-    closest_ev = float(np.diff(log_signal).min() / np.log(2))
-    if closest_ev > _WIDEST_STEP_EV:
+    if apart_ev.min() > _WIDEST_STEP_EV:
         raise InputError(
-            f"the exposures are {closest_ev:.1f} EV apart or more, which leaves the response "
-            f"between them open; take some that are 1 to 3 EV apart"
+            f"the exposures are {apart_ev.min():.1f} EV apart or more, which leaves the response "
+            "between them open; take some that are 1 to 3 EV apart"
         )
     parts = [_patches(bracket, log_signal) for bracket in brackets]
     counts, spread, roughness = (np.concatenate(each) for each in zip(*parts, strict=True))
