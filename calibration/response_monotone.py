@@ -21,8 +21,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.optimize import nnls
 
+from calibration.response_bound import least_step
 from calibration.response_curve import COUNTS, MIDDLE_COUNT, Curve, scaled
 from calibration.response_family import COMPONENTS, curve_family
 from calibration.response_samples import MOST_COUNT, ROUNDING_DN2, Samples
@@ -224,9 +224,7 @@ def _admissible(
 ) -> NDArray[np.float64]:
     """Return the most probable unknowns whose curves rise from every count to the next.
 
-    Corrections stay within two tolerances. Least distance programming: C. L. Lawson and
-    R. J. Hanson, "Solving Least Squares Problems", 1974, by its dual, a non-negative least-squares
-    problem.
+    Corrections stay within two tolerances.
     """
     free = problem.correction_count
     _, components = curve_family()
@@ -242,17 +240,7 @@ def _admissible(
     )
     if (missing <= 0).all():
         return unknowns
-    # In y = root⁻¹ (u − unknowns) the distance is Euclidean, and bound·root·y must reach `missing`.
-    values, vectors = np.linalg.eigh(covariance)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    bound = bound @ root
-    unit = np.max(missing / np.maximum(np.linalg.norm(bound, axis=1), 1e-12))
-    stacked = np.vstack([bound.T, missing / unit])
-    goal = np.zeros(len(stacked))
-    goal[-1] = 1.0
-    dual, _ = nnls(stacked, goal)
-    residual = stacked @ dual - goal
-    return unknowns + root @ (-unit * residual[:-1] / residual[-1])
+    return unknowns + least_step(covariance, bound, missing)
 
 
 def _cross_validated(normals: NDArray[np.float64], problem: _Problem) -> int:
