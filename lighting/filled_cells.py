@@ -113,7 +113,8 @@ def fill_and_cut(
     integral = harmonics.integral(fill)
     divisor = np.where(integral > 0, integral, np.inf)
     shortage = (irradiance - sums[:, 4:]) / divisor
-    from_fill = prediction.fill_responses(fill, filled.grid)
+    probes = len(filled.received)
+    from_fill = prediction.fill_responses(fill, filled.grid, probes)
     without = from_fill * (filled.integral / divisor)
     error_without = float(np.sqrt(np.mean((filled.received - without) ** 2))) / filled.scale
     if count == 0:
@@ -122,7 +123,7 @@ def fill_and_cut(
         with_lights = prediction.errors_by_count(
             tree.first_part,
             irradiance,
-            prediction.responses(directions, radius),
+            prediction.responses(directions, radius, probes),
             filled.received,
             from_fill,
             shortage,
@@ -134,7 +135,7 @@ def fill_and_cut(
         leaves = tree.leaves()
         error = prediction.error_of(
             irradiance[leaves],
-            prediction.responses(directions[leaves], radius[leaves]),
+            prediction.responses(directions[leaves], radius[leaves], probes),
             filled.received,
             from_fill,
             shortage[leaves],

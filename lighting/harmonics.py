@@ -26,7 +26,7 @@ COUNT = 9
 _DEGREE = np.array([0, 1, 1, 1, 2, 2, 2, 2, 2])
 _COSINE_LOBE = np.array([np.pi, 2 * np.pi / 3, np.pi / 4])[_DEGREE]
 _SQUARED_LAPLACIAN = (_DEGREE * (_DEGREE + 1.0)) ** 2
-_BISECTIONS = 60  # halve an interval down to float64
+_BISECTIONS = 40  # halve an interval to 1e-12 of itself
 _ROUNDING = 1e-12
 _TINY = 1e-300
 
@@ -87,18 +87,8 @@ def windowed(coefficients: Array) -> Array:
     if np.any(coefficients[0] < 0):
         raise ValueError("a function of negative integral cannot be windowed to be positive")
     forms = _principal_forms(coefficients)
-
-    def is_positive(strength: float) -> bool:
-        first, second = 1 / (1 + 4 * strength), 1 / (1 + 36 * strength)
-        return all(_least(*form, first, second) >= -_ROUNDING * form[0] for form in forms)
-
-    if is_positive(0.0):
-        return coefficients
-    low, high = 1e-6, 1e12  # from no smoothing that shows to none but the mean
-    for _ in range(_BISECTIONS):
-        middle = np.sqrt(low * high)
-        low, high = (low, middle) if is_positive(middle) else (middle, high)
-    return coefficients / (1 + high * _SQUARED_LAPLACIAN)[:, None]
+    strengths = [_window_strength(*form) for form in forms]
+    return coefficients / (1 + max(strengths) * _SQUARED_LAPLACIAN)[:, None]
 
 
 def _principal_forms(coefficients: Array) -> list[tuple[float, Array, Array]]:
@@ -116,6 +106,23 @@ def _principal_forms(coefficients: Array) -> list[tuple[float, Array, Array]]:
         linear = first * np.array([c[3], c[1], c[2]])
         forms.append((c[0] * np.sqrt(1 / (4 * np.pi)), axes.T @ linear, eigenvalues))
     return forms
+
+
+@njit(cache=True, nogil=True)
+def _window_strength(constant, linear, eigenvalues):  # type: ignore[no-untyped-def]
+    """Return the λ of the weakest window that leaves a form at 0 or above, to 1e-9 of itself."""
+    floor = -_ROUNDING * constant
+    if _least(constant, linear, eigenvalues, 1.0, 1.0) >= floor:
+        return 0.0
+    low, high = 1e-6, 1e12  # from no smoothing that shows to none but the mean
+    for _ in range(_BISECTIONS):
+        middle = np.sqrt(low * high)
+        first, second = 1 / (1 + 4 * middle), 1 / (1 + 36 * middle)
+        if _least(constant, linear, eigenvalues, first, second) >= floor:
+            high = middle
+        else:
+            low = middle
+    return high
 
 
 @njit(cache=True, nogil=True)

@@ -19,7 +19,7 @@ from tests.environments import constant, environment, outdoors
 
 
 def test_probes_face_everywhere_and_see_what_they_face():
-    normals, axes, across, kinds = prediction.probes()
+    normals, axes, across, kinds = prediction.probes(96)
     for vectors in (normals, axes, across):
         np.testing.assert_allclose(np.linalg.norm(vectors, axis=1), 1, atol=1e-12)
     np.testing.assert_allclose((axes * across).sum(axis=1), 0, atol=1e-12)
@@ -30,9 +30,9 @@ def test_probes_face_everywhere_and_see_what_they_face():
 
 
 def test_a_point_is_seen_or_not():
-    normals, axes, _, kinds = prediction.probes()
+    normals, axes, _, kinds = prediction.probes(96)
     toward = cell_directions(16).reshape(-1, 3)
-    received = prediction.responses(toward, np.zeros(len(toward)))
+    received = prediction.responses(toward, np.zeros(len(toward)), 96)
     caps = kinds < 2
     is_seen = toward @ axes[caps].T > kinds[caps]
     cosine = (toward @ normals[caps].T).clip(0)
@@ -43,9 +43,9 @@ def test_a_point_is_seen_or_not():
 def test_a_comb_lets_half_of_the_light_through():
     # Under an even sky, half of π for a comb; for a wall at the angle t between its axis and the
     # normal, π (1 + cos t)/2: closed forms of the projected solid angle.
-    normals, axes, _, kinds = prediction.probes()
+    normals, axes, _, kinds = prediction.probes(96)
     grid = block_grid(64)
-    received = prediction.map_responses(block_sums(constant(64).radiance), grid)
+    received = prediction.map_responses(block_sums(constant(64).radiance), grid, 96)
     combs, walls = kinds == 2, kinds == 0
     np.testing.assert_allclose(received[combs, 0].mean(), np.pi / 2, rtol=0.01)
     expected = np.pi * (1 + (axes * normals).sum(axis=1)[walls]) / 2
@@ -73,16 +73,16 @@ def test_a_fill_gives_what_its_map_does():
     fill[0], fill[1:4] = 2.0, 0.4
     sky = environment(harmonics.evaluate(fill, cell_directions(64)))
     grid = block_grid(64)
-    from_map = prediction.map_responses(block_sums(sky.radiance), grid)
-    np.testing.assert_allclose(prediction.fill_responses(fill, grid), from_map, rtol=0.01)
+    from_map = prediction.map_responses(block_sums(sky.radiance), grid, 96)
+    np.testing.assert_allclose(prediction.fill_responses(fill, grid, 96), from_map, rtol=0.01)
 
 
 def test_sources_are_where_they_are_not_where_their_coarse_block_is():
     sun = Sequence((Source(4.0, lambda _: np.array([0.3, 0.5, 0.6]), SUN_RADIUS_RAD),), sky=1e-6)
     timed = next(iter(frames(sun, 128, 1)))
-    received = prediction.map_responses(block_sums(timed.environment.radiance), block_grid(128))
+    received = prediction.map_responses(block_sums(timed.environment.radiance), block_grid(128), 96)
     (disc,) = timed.sources
-    expected = prediction.responses(disc.direction[None], np.array([0.012])).T * disc.irradiance
+    expected = prediction.responses(disc.direction[None], np.array([0.012]), 96).T * disc.irradiance
     seen_clearly = (expected[:, :1] == 0) | (expected[:, :1] > 0.2 * expected.max())
     error = np.abs(received - expected)[seen_clearly[:, 0]]
     assert np.quantile(error, 0.9) < 0.01 * expected.max()
@@ -97,11 +97,11 @@ def made():
     sums = tree_sums(blocks, tree)
     directions = sums[:, 1:4] / np.linalg.norm(sums[:, 1:4], axis=1, keepdims=True)
     random = np.random.default_rng(5)
-    true = prediction.map_responses(blocks, grid)
+    true = prediction.map_responses(blocks, grid, 96)
     return SimpleNamespace(
         tree=tree,
         irradiance=sums[:, 4:],
-        received=prediction.responses(directions, np.full(len(sums), 0.1)),
+        received=prediction.responses(directions, np.full(len(sums), 0.1), 96),
         true=true,
         fill=0.01 * true * random.uniform(0, 1, true.shape),
         shortage=random.uniform(0, 0.1, sums[:, 4:].shape),
