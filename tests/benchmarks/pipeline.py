@@ -29,9 +29,13 @@ from capture.merge import merge_bracket
 from capture.picture_memory import PictureMemory
 from capture.radiance import RadianceImage
 from capture.recording import Recording, open_recording
+from lighting.blocks import BlockSums
+from lighting.environment import EnvironmentMap
 from lighting.latlong import cell_directions
+from lighting.light_set import LightSet
+from lighting.methods.adaptive import Memory
 from lighting.peers import median_cut
-from lighting.reduce import reduce_blocks_to_lights, reduce_to_lights
+from lighting.reduce import reduce_next
 from lighting.remap import apply_remap, build_remap
 from lighting.scenario import scenario
 from lighting.simulate import simulate_recording
@@ -45,7 +49,6 @@ from tests.environments import environment, outdoors
 SIZE = 1024
 MAP_HEIGHT = 512
 COUNT = 64
-METHOD = "cells"
 BRACKETS = 4
 STREAM_BRACKETS = 16
 EXPOSURES_S = (1 / 4000, 1 / 250, 1 / 16)
@@ -123,18 +126,29 @@ def _timed(times: Times, stage: str, action: Callable[[], Any]) -> Any:
 def _ours(recording: Recording) -> Callable[[int], Times]:
     remap = build_remap(CAMERA, MAP_HEIGHT)
     renderer = Renderer(create_context(), *default_scene())
-    memory = PictureMemory()
+    memory, reduce = PictureMemory(), _Reduction()
 
     def one_bracket(position: int) -> Times:
         times: Times = {}
         bracket: Bracket = _timed(times, "decode", lambda: recording.read_bracket(position))
         image = _timed(times, "merge", lambda: merge_bracket(bracket, recording.sensor, memory))
         seen = _timed(times, "remap", lambda: apply_remap(remap, image))
-        lights = _timed(times, "lights", lambda: reduce_to_lights(seen, COUNT, METHOD))
+        lights = _timed(times, "lights", lambda: reduce(seen))
         _timed(times, "render", lambda: renderer.render(lights, seen))
         return times
 
     return one_bracket
+
+
+class _Reduction:
+    """The default reduction, which remembers the frame before."""
+
+    def __init__(self) -> None:
+        self._memory: Memory | None = None
+
+    def __call__(self, view: EnvironmentMap | BlockSums) -> LightSet:
+        lights, self._memory = reduce_next(view, COUNT, memory=self._memory)
+        return lights
 
 
 class _Stream:
@@ -152,25 +166,28 @@ def _streams(recording: Recording) -> dict[tuple[str, str], Callable[[], Any]]:
     remap, source_blocks = build_remap(CAMERA, MAP_HEIGHT), build_source_blocks(CAMERA)
     in_memory = [recording.read_bracket(position) for position in range(BRACKETS)]
 
-    def through_a_map(image: RadianceImage) -> None:
-        reduce_to_lights(apply_remap(remap, image), COUNT, METHOD)
+    def through_a_map(image: RadianceImage) -> EnvironmentMap:
+        return apply_remap(remap, image)
 
-    def at_the_source(image: RadianceImage) -> None:
-        reduce_blocks_to_lights(apply_source_blocks(source_blocks, image), COUNT, METHOD)
+    def at_the_source(image: RadianceImage) -> BlockSums:
+        return apply_source_blocks(source_blocks, image)
 
-    def session(stream: _Stream, reduce: Callable[[RadianceImage], None]) -> Callable[[], Any]:
-        memory = PictureMemory()
+    def session(
+        stream: _Stream, view_of: Callable[[RadianceImage], EnvironmentMap | BlockSums]
+    ) -> Callable[[], Any]:
+        memory, reduce = PictureMemory(), _Reduction()
         return lambda: run_session(
-            stream, lambda bracket, *_: reduce(merge_bracket(bracket, recording.sensor, memory))
+            stream,
+            lambda bracket, *_: reduce(view_of(merge_bracket(bracket, recording.sensor, memory))),
         )
 
     return {
-        (f"pipelined, from {kind}", system): session(_Stream(bracket_at), reduce)
+        (f"pipelined, from {kind}", system): session(_Stream(bracket_at), view_of)
         for kind, bracket_at in (
             ("counts", in_memory.__getitem__),
             ("JPEG", recording.read_bracket),
         )
-        for system, reduce in (
+        for system, view_of in (
             ("fishlight, at the source", at_the_source),
             ("fishlight, through a map", through_a_map),
         )
