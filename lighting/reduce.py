@@ -83,7 +83,7 @@ MOST_LIGHTS = 65536
 
 
 def reduce_to_lights(
-    environment: EnvironmentMap,
+    view: EnvironmentMap | BlockSums,
     count: int,
     method: str = ADAPTIVE,
     *,
@@ -91,23 +91,24 @@ def reduce_to_lights(
     timestamp_s: float = 0.0,
     source: str = "",
 ) -> LightSet:
-    """Return `count` distant lights that, with their fill, hold all the light of a map.
+    """Return `count` distant lights that, with their fill, hold all the light of a view.
 
     Parameters
     ----------
-    environment : EnvironmentMap
+    view : EnvironmentMap or BlockSums
+        A map, or sums over blocks wherever they come from.
     count : int
         Number of lights, 1 to 65536. This many are returned, fewer if the method needs fewer to
-        hold all the light, none for a map without light.
+        hold all the light, none for a view without light.
     method : str
-        A key of `METHODS`.
+        A key of `METHODS`; for block sums, of `BLOCK_METHODS`.
     error : float or None
         With the adaptive method: as few lights as are predicted to err by no more than this behind
         occluders, relatively, and at most `count`.
     timestamp_s : float
-        Moment of the map.
+        Moment of the view.
     source : str
-        What the map was made from, for people.
+        What the view was made from, for people.
 
     Raises
     ------
@@ -115,24 +116,10 @@ def reduce_to_lights(
         If the count or the error is out of range, or the method is unknown or cannot be asked for
         an error.
     """
-    return reduce_next(
-        environment, count, method, error=error, timestamp_s=timestamp_s, source=source
-    )[0]
-
-
-def reduce_blocks_to_lights(
-    blocks: BlockSums,
-    count: int,
-    method: str = ADAPTIVE,
-    *,
-    error: float | None = None,
-    timestamp_s: float = 0.0,
-    source: str = "",
-) -> LightSet:
-    """Return what `reduce_to_lights` does, for a key of `BLOCK_METHODS` and without a map."""
-    return reduce_next(blocks, count, method, error=error, timestamp_s=timestamp_s, source=source)[
-        0
-    ]
+    lights, _ = reduce_next(
+        view, count, method, error=error, timestamp_s=timestamp_s, source=source
+    )
+    return lights
 
 
 def reduce_next(
@@ -147,8 +134,8 @@ def reduce_next(
 ) -> tuple[LightSet, Memory | None]:
     """Return the lights of the next frame of a sequence, and what to remember of it.
 
-    What `reduce_to_lights` and `reduce_blocks_to_lights` do, with the memory that the frame before
-    left, of a view of the same size. Only the adaptive method has one.
+    What `reduce_to_lights` does, with the memory that the frame before left, of a view of the same
+    size. Only the adaptive method has one.
 
     Raises
     ------

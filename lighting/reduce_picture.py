@@ -5,7 +5,7 @@ Methods that take block sums get them straight from the picture (source_blocks.p
 an environment map (remap.py).
 Cost   : for one picture mostly that of finding out where its pixels look, about a second a
 megapixel. A session does that once: `build_source_blocks`, then `apply_source_blocks` and
-`reduce_blocks_to_lights` for each picture.
+`reduce_to_lights` for each picture.
 """
 
 from calibration.camera import Calibration
@@ -13,7 +13,7 @@ from capture.errors import InputError
 from capture.radiance import RadianceImage
 from lighting.fill import Fill, fill_blocks, fill_unseen
 from lighting.light_set import LightSet
-from lighting.reduce import ADAPTIVE, BLOCK_METHODS, reduce_blocks_to_lights, reduce_to_lights
+from lighting.reduce import ADAPTIVE, BLOCK_METHODS, reduce_to_lights
 from lighting.remap import remap_image
 from lighting.source_blocks import picture_blocks
 
@@ -58,7 +58,7 @@ def reduce_picture_to_lights(
     """
     if method in BLOCK_METHODS:
         blocks = fill_blocks(picture_blocks(calibration, image), fill)
-        return reduce_blocks_to_lights(
+        return reduce_to_lights(
             blocks, count, method, error=error, timestamp_s=timestamp_s, source=source
         )
     environment = remap_image(calibration, image, _MAP_HEIGHT)

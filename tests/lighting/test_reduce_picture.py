@@ -12,7 +12,6 @@ from lighting.fill import fill_blocks, fill_unseen
 from lighting.reduce import (
     BLOCK_METHODS,
     METHODS,
-    reduce_blocks_to_lights,
     reduce_to_lights,
 )
 from lighting.reduce_picture import reduce_picture_to_lights
@@ -41,7 +40,7 @@ def assert_equal(lights, expected):
 def test_cells_come_straight_from_the_source():
     lights = reduce_picture_to_lights(CAMERA, picture(), 16, "cells", fill="mirror")
     blocks = fill_blocks(picture_blocks(CAMERA, picture()), "mirror")
-    assert_equal(lights, reduce_blocks_to_lights(blocks, 16, "cells"))
+    assert_equal(lights, reduce_to_lights(blocks, 16, "cells"))
 
 
 def test_methods_that_need_a_map_get_one():
@@ -55,7 +54,7 @@ def test_blocks_of_a_map_give_the_lights_of_the_map(method):
     world = outdoors(16)
     sums = block_sums(world.radiance)
     blocks = BlockSums(sums, np.zeros((16, 32)), np.zeros((16, 32)))
-    assert_equal(reduce_blocks_to_lights(blocks, 20, method), reduce_to_lights(world, 20, method))
+    assert_equal(reduce_to_lights(blocks, 20, method), reduce_to_lights(world, 20, method))
 
 
 def test_block_methods_are_methods():
@@ -87,6 +86,6 @@ def test_a_picture_without_a_valid_pixel_is_refused(method):
 def test_a_method_that_needs_a_map_is_refused_for_blocks():
     blocks = picture_blocks(CAMERA, picture(), 8)
     with pytest.raises(InputError, match=r"block sums is called 'inverse-cdf'.*cells"):
-        reduce_blocks_to_lights(blocks, 4, "inverse-cdf")
+        reduce_to_lights(blocks, 4, "inverse-cdf")
     with pytest.raises(InputError, match="1 to 65536, got 0"):
-        reduce_blocks_to_lights(blocks, 0)
+        reduce_to_lights(blocks, 0)

@@ -21,7 +21,7 @@ from lighting.environment import luminance
 from lighting.latlong import cell_directions, solid_angles
 from lighting.pixel_grid import pixel_corners
 from lighting.pixel_moments import polygon_moment
-from lighting.reduce import reduce_blocks_to_lights
+from lighting.reduce import reduce_to_lights
 from lighting.remap import apply_remap, build_remap
 from lighting.scenario import SUN_RADIUS_RAD, Disc, Moment
 from lighting.simulate import build_view, see
@@ -187,7 +187,7 @@ def test_a_lit_pixel_is_one_lit_block_however_large_it_is(name):
     radiance[height // 3, width // 4] = 7.0
     blocks = picture_blocks(camera, picture(radiance), 128)
     assert np.count_nonzero(blocks.sums[..., 0]) == 1
-    lights = reduce_blocks_to_lights(blocks, 64)
+    lights = reduce_to_lights(blocks, 64)
     direction, _ = camera.unproject([width // 4, height // 3])
     assert lights.directions[0] @ direction > np.cos(np.radians(0.05))
 
@@ -281,7 +281,7 @@ def test_a_sun_smaller_than_a_pixel_keeps_its_flux_and_place(place):
     dark = Moment(0.0, environment(np.zeros((64, 128, 3))), discs=(sun,))
     blocks = apply_source_blocks(operator_of_256(), picture(see(view_of_256(), dark)))
     np.testing.assert_allclose(blocks.integral(), sun.irradiance, rtol=1e-6)
-    lights = reduce_blocks_to_lights(blocks, 1)
+    lights = reduce_to_lights(blocks, 1)
     away = np.degrees(np.arccos(min(float(lights.directions[0] @ sun.direction), 1.0)))
     assert away < 180 / 256 / np.sqrt(2)
 
