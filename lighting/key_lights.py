@@ -24,7 +24,6 @@ MOST_KEY_LIGHTS = 8
 _CAP_RAD = np.radians(4.0)
 _RING_RAD = np.radians(8.0)
 _COS_CAP = float(np.cos(_CAP_RAD))
-_COS_RING = float(np.cos(_RING_RAD))
 _MOST_TRIED = 16
 _WIDEST_RAD = np.radians(2.0)
 """A source that is spread more is left to the cells, which model its shape better."""
@@ -65,7 +64,7 @@ def take_key_lights(
     least_share : float
         Part of the map's luminous power that a source must have to be a key light.
     most : int
-        Number of key lights at most; the strongest peaks come first.
+        Number of key lights at most, and never more than 8; the strongest peaks come first.
     before : (k, 3) float64
         Directions of the key lights of the last frame: looked for first, and kept in order.
     """
@@ -125,25 +124,20 @@ def _take_one(rest, area, brightness, row_peak, start, least_power, light):  # t
         background = _ring_median(rest, area, direction)
         moment = np.zeros(3)
         power = weights = distance = 0.0
-        first, last = _row_range(len(rest), direction, _CAP_RAD)
-        left, width = _column_range(rest.shape[1], direction, _CAP_RAD)
-        for r in range(first, last):
-            for i in range(width):
-                c = (left + i) % rest.shape[1]
-                if not _is_within(area[r, c], direction, _COS_CAP):
-                    continue
-                excess = rest[r, c, 0] - background * area[r, c, 0]
-                if excess > 0:
-                    part = excess / rest[r, c, 0]
-                    power += excess
-                    along = 0.0
-                    for k in range(3):
-                        moment[k] += part * rest[r, c, 1 + k]
-                        along += direction[k] * rest[r, c, 1 + k]
-                    # |d − m|² = 2 − 2 d·m, in the mean over the block's own light.
-                    weight = excess * excess / area[r, c, 0]
-                    weights += weight
-                    distance += weight * np.sqrt(max(2 - 2 * along / rest[r, c, 0], 0.0))
+        for r, c in _blocks_within(area, direction, _CAP_RAD):
+            excess = rest[r, c, 0] - background * area[r, c, 0]
+            if excess <= 0:
+                continue
+            part = excess / rest[r, c, 0]
+            power += excess
+            along = 0.0
+            for k in range(3):
+                moment[k] += part * rest[r, c, 1 + k]
+                along += direction[k] * rest[r, c, 1 + k]
+            # |d − m|² = 2 − 2 d·m, in the mean over the block's own light.
+            weight = excess * excess / area[r, c, 0]
+            weights += weight
+            distance += weight * np.sqrt(max(2 - 2 * along / rest[r, c, 0], 0.0))
         length = np.sqrt((moment * moment).sum())
         if power <= 0.0 or length <= 0.0:
             break
@@ -153,43 +147,49 @@ def _take_one(rest, area, brightness, row_peak, start, least_power, light):  # t
     light[:3] = direction
     light[3:6] = 0.0
     light[6] = radius
-    first, last = _row_range(len(rest), direction, _CAP_RAD)
-    left, width = _column_range(rest.shape[1], direction, _CAP_RAD)
-    for r in range(first, last):
-        for i in range(width):
-            c = (left + i) % rest.shape[1]
-            if not _is_within(area[r, c], direction, _COS_CAP):
-                continue
-            brightness[r, c] = 0.0
-            excess = rest[r, c, 0] - background * area[r, c, 0]
-            if is_key and excess > 0:
-                # One share for all channels: what stays has the hue of what was there.
-                part = excess / rest[r, c, 0]
-                for k in range(3):
-                    light[3 + k] += part * rest[r, c, 4 + k]
-                for k in range(7):
-                    rest[r, c, k] *= 1 - part
-        row_peak[r] = np.argmax(brightness[r])
+    for r, c in _blocks_within(area, direction, _CAP_RAD):
+        brightness[r, c] = 0.0
+        if c == row_peak[r]:
+            row_peak[r] = np.argmax(brightness[r])
+        excess = rest[r, c, 0] - background * area[r, c, 0]
+        if is_key and excess > 0:
+            # One share for all channels: what stays has the hue of what was there.
+            part = excess / rest[r, c, 0]
+            for k in range(3):
+                light[3 + k] += part * rest[r, c, 4 + k]
+            for k in range(7):
+                rest[r, c, k] *= 1 - part
     return is_key
 
 
 @njit(cache=True, nogil=True)
 def _ring_median(rest, area, direction):  # type: ignore[no-untyped-def]
     """Return the median luminance of the ring around the cap."""
+    blocks = _blocks_within(area, direction, _RING_RAD)
+    values = np.empty(len(blocks))
     number = 0
-    first, last = _row_range(len(rest), direction, _RING_RAD)
-    left, width = _column_range(rest.shape[1], direction, _RING_RAD)
-    values = np.empty((last - first) * width)
+    for r, c in blocks:
+        if not _is_within(area[r, c], direction, _COS_CAP):
+            values[number] = rest[r, c, 0] / area[r, c, 0]
+            number += 1
+    return np.median(values[:number]) if number else 0.0
+
+
+@njit(cache=True, nogil=True)
+def _blocks_within(area, direction, radius_rad):  # type: ignore[no-untyped-def]
+    """Return row and column (n, 2) of the blocks within a cap, row by row."""
+    first, last = _row_range(len(area), direction, radius_rad)
+    left, width = _column_range(area.shape[1], direction, radius_rad)
+    blocks = np.empty(((last - first) * width, 2), np.int64)
+    cos_radius = np.cos(radius_rad)
+    number = 0
     for r in range(first, last):
         for i in range(width):
-            c = (left + i) % rest.shape[1]
-            block = area[r, c]
-            if _is_within(block, direction, _COS_RING) and not _is_within(
-                block, direction, _COS_CAP
-            ):
-                values[number] = rest[r, c, 0] / block[0]
+            c = (left + i) % area.shape[1]
+            if _is_within(area[r, c], direction, cos_radius):
+                blocks[number] = r, c
                 number += 1
-    return np.median(values[:number]) if number else 0.0
+    return blocks[:number]
 
 
 @njit(cache=True, nogil=True)

@@ -26,7 +26,7 @@ from lighting.block_grid import BlockGrid, block_grid, coarsened
 from lighting.cell_tree import EMPTY_TREE, CellTree
 from lighting.environment import EnvironmentMap
 from lighting.filled_cells import FilledCells, FilledMap, fill_and_cut
-from lighting.key_lights import MOST_KEY_LIGHTS, take_key_lights
+from lighting.key_lights import take_key_lights
 from lighting.smooth_fill import FillShape
 from lighting.summed_area import block_sums
 
@@ -167,7 +167,7 @@ def adaptive_next(
         fine,
         grid,
         least_share,
-        min(MOST_KEY_LIGHTS, count // 2),
+        count // 2,
         memory.key_directions if memory else np.empty((0, 3)),
     )
     probes = prediction.PROBES_TO_MEASURE if error else prediction.PROBES_TO_COMPARE
