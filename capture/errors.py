@@ -18,3 +18,11 @@ class InputError(FishlightError, ValueError):
 
 class UnreadableFrame(InputError):
     """One frame that cannot be decoded in full; a stream may go on without it."""
+
+
+class CameraLost(FishlightError):
+    """The camera was unplugged, or its driver gave it up; it may be opened again once it is back."""
+
+
+class CameraStalled(FishlightError):
+    """The camera is there but sends no frame; closing and opening it again often helps."""
