@@ -1,13 +1,3 @@
-"""The calibration stage's commands: calibrate, with a sub-command for each thing estimated."""
+"""The calibration stage's commands. They are named, and imported only when one is called."""
 
-from collections.abc import Callable
-from typing import Any
-
-from cyclopts import App
-
-from calibration.response_cli import calibrate_response
-
-calibrate_app = App(help="Estimate what a camera does to light, from its own pictures.")
-calibrate_app.command(calibrate_response, name="response")
-
-COMMANDS: tuple[tuple[Callable[..., Any], str], ...] = ((calibrate_app, "calibrate"),)
+COMMANDS: tuple[tuple[str, str], ...] = (("calibration.calibrate_cli:calibrate_app", "calibrate"),)

@@ -1,10 +1,13 @@
-"""Types of command-line arguments that every stage's commands share."""
+"""What every stage's commands share: types of arguments, and the text they print."""
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter, Token
+
+from capture.errors import InputError
 
 
 def _whole_number(_type: Any, tokens: Sequence[Token]) -> int:
@@ -18,3 +21,36 @@ def _whole_number(_type: Any, tokens: Sequence[Token]) -> int:
 Output = Annotated[Path, Parameter(name=["--output", "-o"])]
 
 WholeNumber = Annotated[int, Parameter(converter=_whole_number)]
+
+
+def parse_exposures(text: str) -> tuple[float, ...]:
+    """Return the numbers of a list such as "0.001, 1/250, 2".
+
+    Raises
+    ------
+    InputError
+        If a part is neither a number nor a fraction. Whether a number makes an exposure time is
+        not judged here.
+    """
+    return tuple(_seconds(part) for part in text.split(","))
+
+
+def _seconds(part: str) -> float:
+    numerator, slash, denominator = part.partition("/")
+    try:
+        return float(numerator) / float(denominator) if slash else float(numerator)
+    except (ValueError, ZeroDivisionError):
+        raise InputError(
+            f"--exposures: {part.strip()!r} is no time in seconds; write 0.001,0.01 or 1/1000,1/100"
+        ) from None
+
+
+def tell(notes: Sequence[str]) -> None:
+    """Print each note as a line on stderr."""
+    for note in notes:
+        print(f"note: {note}", file=sys.stderr)
+
+
+def size_text(size_px: tuple[int, int]) -> str:
+    """Return (width, height) as people read it."""
+    return f"{size_px[0]}×{size_px[1]} px"

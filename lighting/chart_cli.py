@@ -19,7 +19,9 @@ from lighting.sequences import SEQUENCES
 KNOWN_NAME = "measurements.json"
 _MADE_ROWS = 512
 
-chart_app = App(help="Measure ways to do a stage's work, and draw what they are worth.")
+chart_app = App(
+    name="chart", help="Measure ways to do a stage's work, and draw what they are worth."
+)
 
 
 @chart_app.command(name="lights")

@@ -1,18 +1,9 @@
-"""The lighting stage's commands: simulate, remap, lights, export and chart."""
+"""The lighting stage's commands. They are named, and imported only when one is called."""
 
-from collections.abc import Callable
-from typing import Any
-
-from lighting.chart_cli import chart_app
-from lighting.export_cli import export
-from lighting.lights_cli import lights
-from lighting.remap_cli import remap
-from lighting.simulate_cli import simulate
-
-COMMANDS: tuple[tuple[Callable[..., Any], str], ...] = (
-    (simulate, "simulate"),
-    (remap, "remap"),
-    (lights, "lights"),
-    (export, "export"),
-    (chart_app, "chart"),
+COMMANDS: tuple[tuple[str, str], ...] = (
+    ("lighting.simulate_cli:simulate", "simulate"),
+    ("lighting.remap_cli:remap", "remap"),
+    ("lighting.lights_cli:lights", "lights"),
+    ("lighting.export_cli:export", "export"),
+    ("lighting.chart_cli:chart_app", "chart"),
 )

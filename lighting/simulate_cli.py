@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from capture.arguments import Output, WholeNumber
-from capture.cli import parse_exposures
+from capture.arguments import Output, WholeNumber, parse_exposures
 from capture.errors import InputError
 from lighting.environment_files import read_environment
 from lighting.scenario import scenario

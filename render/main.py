@@ -9,8 +9,9 @@ from collections.abc import Sequence
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; a known error is one line on stderr and exit code 2.
 
-    Any other exception is a defect of fishlight and keeps its traceback. The stages are imported
-    here, so that a broken installation is told in a line too.
+    Any other exception is a defect of fishlight and keeps its traceback. A command's modules are
+    imported when it is called, so that light ones start fast; one that cannot be imported is a
+    broken installation, and told in a line too.
     """
     try:
         from cyclopts import CycloptsError
@@ -18,14 +19,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
         from capture.errors import FishlightError
         from render.app import app
     except ImportError as error:
-        sys.exit(_fail(f"the installation is broken ({error}); `make setup` makes it again"))
+        sys.exit(_fail(_broken(error)))
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # so it tidies up
+    tokens = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        app(arguments, exit_on_error=False, print_error=False)
+        if tokens[:1] in ([], ["--help"], ["-h"]):
+            app.resolved_commands()  # imports them all: their docstrings are the overview
+        app(tokens, exit_on_error=False, print_error=False)
     except CycloptsError as error:
         sys.exit(_fail(f"{error} See fishlight --help."))
     except FishlightError as error:
         sys.exit(_fail(str(error)))
+    except ImportError as error:
+        sys.exit(_fail(_broken(error)))
     except BrokenPipeError:  # the reader of a pipe has seen enough: fishlight inspect … | head
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
@@ -38,3 +44,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _fail(message: str) -> int:
     print("fishlight: " + " ".join(message.split()), file=sys.stderr)
     return 2
+
+
+def _broken(error: ImportError) -> str:
+    reason = error.__cause__ or error
+    return f"the installation is broken ({reason}); `make setup` makes it again"

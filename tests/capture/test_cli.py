@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from cyclopts import App
 
-from capture.cli import COMMANDS, parse_exposures
+from capture.arguments import parse_exposures
+from capture.cli import COMMANDS
 from capture.errors import InputError
 from capture.pictures import read_picture
 from capture.radiance_files import read_radiance
@@ -120,7 +121,7 @@ def test_outputs_are_replaced_only_by_force(tmp_path, photos):
 
 def test_an_existing_output_is_refused_before_the_merge(tmp_path, photos, monkeypatch):
     (tmp_path / "a.exr").write_text("older")
-    monkeypatch.setattr("capture.cli.merge_bracket", None)  # calling it would be an error
+    monkeypatch.setattr("capture.merge_cli.merge_bracket", None)  # calling it would be an error
     with pytest.raises(InputError, match="--force"):
         run("merge", photos, "-o", tmp_path / "a.exr")
 

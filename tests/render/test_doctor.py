@@ -8,7 +8,7 @@ import cv2
 import pytest
 
 from capture.errors import FishlightError
-from render import cli, doctor
+from render import doctor, doctor_cli
 from render.doctor import OPENCV_DISTRIBUTIONS, Finding
 from render.gl import REMEDY, GlUnavailable
 
@@ -101,9 +101,9 @@ def test_the_command_prints_every_remedy_and_names_what_is_required(monkeypatch,
         Finding("OpenGL", False, "no context", "install Mesa"),
         Finding("Cameras", False, "no permission", "join the group", is_required=False),
     ]
-    monkeypatch.setattr(doctor, "examine", lambda: findings)
+    monkeypatch.setattr(doctor_cli, "examine", lambda: findings)
     with pytest.raises(FishlightError, match=r"^not ready: OpenGL \(see above\)$"):
-        cli.doctor()
+        doctor_cli.doctor()
     printed = capsys.readouterr().out
     assert "install Mesa" in printed
     assert "join the group" in printed
@@ -111,6 +111,6 @@ def test_the_command_prints_every_remedy_and_names_what_is_required(monkeypatch,
 
 def test_a_note_alone_is_no_failure(monkeypatch, capsys):
     note = Finding("Cameras", False, "no permission", "join the group", is_required=False)
-    monkeypatch.setattr(doctor, "examine", lambda: [note])
-    cli.doctor()
+    monkeypatch.setattr(doctor_cli, "examine", lambda: [note])
+    doctor_cli.doctor()
     assert "note" in capsys.readouterr().out

@@ -84,6 +84,15 @@ def test_every_command_of_every_stage_has_help(capsys):
         assert f"fishlight {command}" in capsys.readouterr().out
 
 
+def test_the_overview_describes_every_command(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["--help"])
+    assert stop.value.code == 0
+    printed = capsys.readouterr().out
+    for described in ("Merge one bracket", "Render a scene", "Show what this machine"):
+        assert described in printed
+
+
 def run_without_egl(folder, *arguments):
     """Run fishlight in a process in which EGL finds no driver."""
     program = (
@@ -137,9 +146,11 @@ def test_a_count_that_is_no_whole_number_is_not_rounded(count, tmp_path, capsys)
     assert "--count: wanted a whole number" in capsys.readouterr().err
 
 
-def test_a_broken_installation_is_one_line(monkeypatch, capsys):
-    monkeypatch.delitem(sys.modules, "render.app", raising=False)
-    monkeypatch.setitem(sys.modules, "render.cli", None)
+@pytest.mark.parametrize("missing", ["render.cli", "render.doctor"])
+def test_a_broken_installation_is_one_line(missing, monkeypatch, capsys):
+    for name in ("render.app", "render.doctor_cli"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    monkeypatch.setitem(sys.modules, missing, None)
     with pytest.raises(SystemExit) as stop:
         main(["doctor"])
     assert stop.value.code == 2

@@ -1,0 +1,119 @@
+"""`fishlight replay`: every bracket of a recording to a map, lights and a picture."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from capture.arguments import Output, WholeNumber
+from capture.errors import InputError
+from capture.output import refuse_existing
+from lighting.light_arguments import Count, Error, MethodName, most_lights
+from lighting.light_stream import LightPlan
+from lighting.reduce import ADAPTIVE
+from lighting.remap_cli import check_map_height
+from render.render_cli import parse_size, scene_to_render
+from render.replay import (
+    ReplaySummary,
+    capture_to_lights_ms,
+    replay,
+    stage_times_ms,
+    write_timings,
+)
+
+Steady = Annotated[bool, Parameter(negative="--no-steady")]
+
+
+def replay_command(
+    recording: Path,
+    /,
+    *,
+    output: Output,
+    count: Count = 64,
+    error: Error = None,
+    budget_ms: float | None = None,
+    method: MethodName = ADAPTIVE,
+    steady: Steady = True,
+    height: WholeNumber = 512,
+    mesh: Path | None = None,
+    size: str = "640x480",
+    calibration: Path | None = None,
+    timings: Path | None = None,
+    force: bool = False,
+) -> None:
+    """Turn every bracket of a recording into a map, a set of lights and a picture.
+
+    Parameters
+    ----------
+    recording
+        Folder with a manifest.json, as `fishlight import` or `fishlight simulate` makes it.
+    output
+        Folder for maps (EXR), lights (JSON), pictures (PNG), video.mp4 and session.json.
+    budget_ms
+        With --count auto: no more lights than can be found and rendered in so many milliseconds.
+        The lights then depend on how fast the machine is.
+    steady
+        Smooth what trembles from bracket to bracket, such as noise and mains ripple. Small changes
+        are then late, nine tenths of them shown within 0.58 s; large ones are shown at once.
+    height
+        Rows of the lat-long maps, which are twice as wide.
+    mesh
+        OBJ, glTF, GLB or PLY to render; a few objects that show the lights if not given.
+    size
+        Size of the pictures, WIDTHxHEIGHT.
+    calibration
+        Calibration to use instead of the recording's own.
+    timings
+        JSON file for what every frame cost in each stage.
+    force
+        Replace the results of an earlier replay.
+    """
+    check_map_height(height)
+    if timings is not None:
+        refuse_existing(timings, force=force)
+        if timings.parent != output and not timings.parent.is_dir():
+            raise InputError(f"{timings.parent} is not a folder; give --timings one that exists")
+    if budget_ms is not None and isinstance(count, int):
+        raise InputError("--budget-ms limits --count auto, and that was not given")
+    most, error = most_lights(count, error, method)
+    plan = LightPlan(most, method, error, budget_ms, is_steady=steady)
+    scene, camera = scene_to_render(mesh, parse_size(size))
+    summary = replay(
+        recording,
+        output,
+        plan,
+        scene=scene,
+        camera=camera,
+        map_height=height,
+        calibration_path=calibration,
+        force=force,
+    )
+    if timings is not None:
+        write_timings(timings, summary, force=force)
+    _report(summary, output)
+
+
+def _report(summary: ReplaySummary, output: Path) -> None:
+    for failure in summary.failures:
+        print(f"fishlight: left out: {failure}", file=sys.stderr)
+    counters = summary.counters
+    print(
+        f"{output}: brackets: {counters.captured} captured, {counters.replaced} replaced, "
+        f"{counters.merged} merged, {counters.rendered} rendered, {counters.failed} failed"
+    )
+    if summary.median_predicted_error is not None:
+        print(
+            f"median lights {summary.median_lights:g}, "
+            f"predicted error {summary.median_predicted_error:.2%}"
+        )
+    if summary.clipped_count:
+        print(
+            f"brackets with light that was clipped in every exposure: {summary.clipped_count}; "
+            "their lights are a lower bound (clipped_fraction in lights/*.json)"
+        )
+    times = stage_times_ms(summary.clock)
+    if times:
+        stages = ", ".join(f"{name} {stage['median_ms']:.1f}" for name, stage in times.items())
+        to_lights_ms = capture_to_lights_ms(summary.clock)
+        print(f"median ms: {stages}; capture to lights {to_lights_ms:.1f}  [{summary.gl}]")
