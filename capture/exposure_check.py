@@ -97,15 +97,9 @@ def _usable_values(frame: Frame, sensor: Sensor) -> NDArray[np.float64]:
     counts = frame.counts[:: -(-height // _SIDE_PX), :: -(-width // _SIDE_PX)]
     if counts.dtype == np.float32:
         return np.where(np.isfinite(counts) & (counts > 0), counts, np.nan).astype(np.float64)
-    table = sensor.linear_table().astype(np.float64)
-    step = np.gradient(table, axis=0)
-    linear = table[counts, np.arange(3)]
-    electrons = sensor.full_well_e / frame.exposure.gain
-    variance = (
-        np.maximum(linear, 0) / electrons
-        + (sensor.read_noise_e / electrons) ** 2
-        + step[counts, np.arange(3)] ** 2 / 12.0
-    )
+    channel = np.arange(3)
+    linear = sensor.linear_table().astype(np.float64)[counts, channel]
+    variance = sensor.variance_table(frame.exposure.gain)[counts, channel]
     usable = (
         (linear < sensor.saturation) & (linear > 0) & (variance < (_LARGEST_NOISE * linear) ** 2)
     )

@@ -126,23 +126,13 @@ def _average(frames: Sequence[Frame]) -> RadianceImage:
 def _count_table(sensor: Sensor) -> NDArray[np.float64]:
     """Return (counts, 3): the linear value of each count and the variance of its step.
 
-    Both are float32 in the bits of one float64, so that one load brings both. The step is half the
-    distance between the neighbouring levels, so counts that share one level, a flat part of an
-    estimated response, are as uncertain as the gap that they leave. The variance of an estimated
-    response is added. A linear response needs no table: it has no rows.
+    Both are float32 in the bits of one float64, so that one load brings both. A linear response
+    needs no table: it has no rows.
     """
     if sensor.response is None:
         return np.empty((0, 3))
-    linear = sensor.linear_table()
-    table = np.empty((*linear.shape, 2), np.float32)
-    table[..., 0] = linear
-    for channel in range(3):
-        levels, level_of_count = np.unique(linear[:, channel], return_inverse=True)
-        table[:, channel, 1] = (np.gradient(levels) ** 2 / 12.0)[level_of_count]
-    if sensor.response_deviation is not None:
-        inside = np.minimum(np.arange(len(table)), len(sensor.response_deviation) - 1)
-        table[..., 1] += sensor.response_deviation[inside] ** 2
-    return table.view(np.float64)[..., 0].copy()
+    table = np.stack([sensor.linear_table(), sensor.step_variance_table()], axis=-1)
+    return table.astype(np.float32).view(np.float64)[..., 0].copy()
 
 
 def _flat_counts(frames: Sequence[Frame]) -> tuple[NDArray[Any], ...]:

@@ -99,6 +99,29 @@ class Sensor:
         inside = np.minimum(counts.astype(np.int64), len(self.response) - 1)
         return self.response[inside].astype(np.float32)
 
+    def step_variance_table(self) -> NDArray[np.float64]:
+        """(65536 or 256, 3) variance of the linear value that each count stands for.
+
+        A count's step is half the distance between the neighbouring levels, so counts that share
+        one level, a flat part of an estimated response, are as uncertain as the gap that they
+        leave. The variance of an estimated response is added.
+        """
+        linear = self.linear_table().astype(np.float64)
+        variance = np.empty_like(linear)
+        for channel in range(3):
+            levels, level_of_count = np.unique(linear[:, channel], return_inverse=True)
+            variance[:, channel] = (np.gradient(levels) ** 2 / 12.0)[level_of_count]
+        if self.response_deviation is not None:
+            inside = np.minimum(np.arange(len(variance)), len(self.response_deviation) - 1)
+            variance += self.response_deviation[inside] ** 2
+        return variance
+
+    def variance_table(self, gain: float) -> NDArray[np.float64]:
+        """(65536 or 256, 3) variance of the linear value of each count: photons, read-out, step."""
+        electrons = self.full_well_e / gain
+        photons = np.maximum(self.linear_table(), 0) / electrons
+        return photons + (self.read_noise_e / electrons) ** 2 + self.step_variance_table()
+
 
 def srgb_decode(value: NDArray[Any]) -> NDArray[np.float64]:
     """Linear value of sRGB-coded values in [0, 1] (IEC 61966-2-1)."""
