@@ -7,6 +7,7 @@ import OpenEXR
 import pytest
 
 import capture.exr
+from capture.decoding import decode
 from capture.errors import InputError
 from capture.exr import read_exr, write_exr
 from capture.radiance_files import write_hdr
@@ -72,11 +73,11 @@ def test_a_file_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     write_environment(tmp_path / "map.exr", sample_map())
     read = []
 
-    def noted(path: Path) -> bytes:
+    def noted(kind: str, path: Path) -> object:
         read.append(path)
-        return path.read_bytes()
+        return decode(kind, path)
 
-    monkeypatch.setattr(capture.exr, "read_bytes", noted)
+    monkeypatch.setattr(capture.exr, "decode", noted)
     read_environment(tmp_path / "map.exr")
     assert read == [tmp_path / "map.exr"]
 
