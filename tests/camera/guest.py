@@ -33,6 +33,9 @@ PROCESSOR = "Nehalem"
 
 MEMORY_MIB = 1024
 
+GRACE_S = 5.0
+"""How long after its time limit a guest dies whose runner is not there to kill it."""
+
 
 class GuestFailed(Exception):
     """The guest ended without the command's status; the message ends with its last words."""
@@ -126,7 +129,7 @@ def run_bounded(command: Sequence[str], log: Path, limit_s: float) -> bool:
     """
     with log.open("wb") as output:
         process = subprocess.Popen(
-            ["timeout", "--signal=KILL", f"{limit_s + 5:g}", *command],
+            ["timeout", "--signal=KILL", f"{limit_s + GRACE_S:g}", *command],
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=subprocess.STDOUT,
