@@ -50,7 +50,7 @@ def stamp_of_counts(counts: Any) -> Stamp:
     """Return the stamp of a decoded frame, (H, W, 3) uint8 or uint16."""
     half = 1.5 * (255 if counts.itemsize == 1 else 65535)
     centres = counts[-STAMP_ROWS // 2, _CELL_PX // 2 :: _CELL_PX].sum(axis=-1, dtype=int)
-    bits = "".join("01"[level > half] for level in centres[: sum(_BITS)])
+    bits = "".join("1" if level > half else "0" for level in centres[: sum(_BITS)])
     ends = list(accumulate(_BITS))
     starts = [0, *ends]
     return Stamp(*(int(bits[start:end], 2) for start, end in zip(starts, ends, strict=False)))
