@@ -52,7 +52,11 @@ class View:
 
 @dataclass(frozen=True)
 class Rejected:
-    """A picture that gives no view, and why, in a sentence that names what to do about it."""
+    """A picture that gives no view, and why, in words that name what to do about it.
+
+    `seen_grid` tells how many columns and rows of corners a checkerboard of another size has.
+    """
 
     name: str
     reason: str
+    seen_grid: tuple[int, int] | None = None
