@@ -1,0 +1,1 @@
+"""A lens calibrated from pictures of a board: start, adjustment, choice of model, uncertainty."""

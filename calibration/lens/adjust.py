@@ -1,0 +1,263 @@
+"""Bundle adjustment: the lens, a board pose a view and the board's bend that fit the corners best.
+
+Domain : the residual of a corner is its projection less where it was found, in units of its sigma.
+Cost   : a step takes about 1.5 µs a corner and unknown of the lens: poses are eliminated view by
+view, so that the equations left are those of the lens alone.
+Source : K. Levenberg's and D. Marquardt's method; the elimination is Schur's complement, as in
+B. Triggs, P. McLauchlan, R. Hartley, A. Fitzgibbon, "Bundle Adjustment: A Modern Synthesis", 2000.
+The bend of the board is that of D. Kogan's mrcal: a parabola along either side.
+Fails  : from a start too far away, in a minimum of its own: calibration/lens/start.py gives starts.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.camera import CameraModel
+from calibration.lens.corners import Corners
+from calibration.lens.poses import Poses
+from calibration.models.parameters import parameters, with_parameters
+from capture.errors import InputError
+
+Array = NDArray[np.float64]
+
+_MOST_STEPS = 60
+
+_SETTLED = 1e-7
+"""Relative fall of the cost at which a minimum counts as reached."""
+
+_UNSEEN_PX = 1e3
+"""Residual of a corner whose direction the model cannot represent."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What an adjustment seeks.
+
+    Attributes
+    ----------
+    model : CameraModel
+    poses : Poses
+    bend_m : (2,) float64
+        How far the board's middle stands out along its +z, by its bend along x and along y.
+    """
+
+    model: CameraModel
+    poses: Poses
+    bend_m: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Adjusted:
+    """A solution and what is left.
+
+    Attributes
+    ----------
+    solution : Solution
+    residuals_px : (N, 2) float64
+        Projected less found; NaN where the model has no pixel.
+    information : (G, G) float64
+        Inverse covariance of the free lens parameters, then of the bend if free, at a sigma as
+        stated by the corners, with the poses marginalised.
+    """
+
+    solution: Solution
+    residuals_px: Array
+    information: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Equations:
+    cost: float
+    shared: Array  # (G, G)
+    mixed: Array  # (V, G, 6)
+    own: Array  # (V, 6, 6)
+    shared_slope: Array  # (G,)
+    own_slope: Array  # (V, 6)
+
+
+def adjust(
+    corners: Corners,
+    start: Solution,
+    free: NDArray[np.bool_],
+    *,
+    bend_free: bool = False,
+    soft_px: float = np.inf,
+    most_steps: int = _MOST_STEPS,
+) -> Adjusted:
+    """Return the solution of least squared residuals that is reached from the start.
+
+    Parameters
+    ----------
+    corners : Corners
+    start : Solution
+    free : (P,) bool
+        Which of the model's parameters to seek; the others are held. All false seeks poses alone.
+    bend_free : bool
+        Whether to seek the board's bend.
+    soft_px : float
+        Residual beyond which a corner counts less and less: the scale of Cauchy's loss, for corners
+        of median sigma. Infinite is plain least squares.
+    most_steps : int
+    """
+    solution = start
+    equations = _linearised(corners, solution, free, bend_free, soft_px)
+    damping = 1e-3
+    for _ in range(most_steps):
+        trial = _stepped(solution, equations, free, bend_free, damping)
+        cost = np.inf if trial is None else _cost(corners, trial, soft_px)
+        if trial is None or not cost < equations.cost:
+            if damping > 1e12:
+                break
+            damping *= 8.0
+            continue
+        fall = equations.cost - cost
+        solution = trial
+        equations = _linearised(corners, solution, free, bend_free, soft_px)
+        damping = max(damping / 8.0, 1e-12)
+        if fall <= _SETTLED * cost:
+            break
+    return Adjusted(solution, residuals_px(corners, solution), _marginal(equations))
+
+
+def residuals_px(corners: Corners, solution: Solution) -> Array:
+    """Return projected less found (N, 2); NaN where the model has no pixel."""
+    in_camera = _in_camera(corners, solution)[0]
+    return np.asarray(solution.model.project(in_camera)[0] - corners.pixels)
+
+
+def typical_px(residuals_px: Array) -> float:
+    """Return the standard deviation of a coordinate that the median residual (N, 2) tells."""
+    size = np.hypot(*residuals_px.T)
+    # The length of a normal residual in two coordinates has the median σ √(2 ln 2).
+    return float(np.median(np.where(np.isfinite(size), size, np.inf)) / np.sqrt(2 * np.log(2)))
+
+
+def _in_camera(corners: Corners, solution: Solution) -> tuple[Array, Array, Array]:
+    """Return the corners (N, 3) in the camera frame, R X (N, 3) and R (N, 3, 3)."""
+    R, t = solution.poses.of_corners(corners)
+    lifted = (corners.bend_shapes @ solution.bend_m)[:, None] * [0.0, 0.0, 1.0]
+    turned = np.einsum("nij,nj->ni", R, corners.points_m + lifted)
+    return turned + t, turned, R
+
+
+def _losses(corners: Corners, residuals: Array, soft_px: float) -> tuple[Array, Array]:
+    """Return the loss (N,) of each corner and the weight (N,) of its squared residual."""
+    inverse = np.median(corners.sigma_px) / corners.sigma_px
+    squared = np.sum(residuals**2, axis=-1) * inverse**2
+    lost = ~np.isfinite(squared)
+    squared[lost] = _UNSEEN_PX**2
+    if np.isinf(soft_px):
+        loss, weight = squared, np.ones_like(squared)
+    else:
+        loss = soft_px**2 * np.log1p(squared / soft_px**2)
+        weight = 1.0 / (1.0 + squared / soft_px**2)
+    return loss, np.where(lost, 0.0, weight * inverse**2)
+
+
+def _cost(corners: Corners, solution: Solution, soft_px: float) -> float:
+    loss, _ = _losses(corners, residuals_px(corners, solution), soft_px)
+    return float(loss.sum())
+
+
+def _linearised(
+    corners: Corners, solution: Solution, free: NDArray[np.bool_], bend_free: bool, soft_px: float
+) -> _Equations:
+    in_camera, turned, R = _in_camera(corners, solution)
+    residuals = solution.model.project(in_camera)[0] - corners.pixels
+    loss, weight = _losses(corners, residuals, soft_px)
+    by_direction, by_parameters = solution.model.project_jacobian(in_camera)
+    # A turn by ω moves R X by ω × R X: the rows of ∂pixel/∂direction are crossed with it.
+    by_turn = np.cross(turned[:, None, :], by_direction)
+    columns = [by_parameters[:, :, free]]
+    if bend_free:
+        normal = np.einsum("nij,nj->ni", by_direction, R[:, :, 2])
+        columns.append(normal[:, :, None] * corners.bend_shapes[:, None, :])
+    root = np.sqrt(weight)[:, None, None]
+    dead = weight == 0
+    shared = np.concatenate(columns, axis=-1) * root
+    own = np.concatenate([by_turn, by_direction], axis=-1) * root
+    error = residuals * root[:, 0]
+    for each in (shared, own, error):
+        each[dead] = 0.0
+    shared_count = shared.shape[-1]  # 0 where poses alone are sought
+    own_blocks = np.empty((corners.view_count, 6, 6))
+    mixed = np.empty((corners.view_count, shared_count, 6))
+    own_slope = np.empty((corners.view_count, 6))
+    flat_shared, flat_error = shared.reshape(error.size, shared_count), error.ravel()
+    for view in range(corners.view_count):
+        part = corners.of_view(view)
+        pose = own[part].reshape(-1, 6)
+        own_blocks[view] = pose.T @ pose
+        mixed[view] = flat_shared[2 * part.start : 2 * part.stop].T @ pose
+        own_slope[view] = pose.T @ error[part].ravel()
+    return _Equations(
+        float(loss.sum()),
+        flat_shared.T @ flat_shared,
+        mixed,
+        own_blocks,
+        flat_shared.T @ flat_error,
+        own_slope,
+    )
+
+
+def _stepped(
+    solution: Solution,
+    equations: _Equations,
+    free: NDArray[np.bool_],
+    bend_free: bool,
+    damping: float,
+) -> Solution | None:
+    """Return the solution after one damped step; None where no such lens can be."""
+    own, shared = _damped(equations.own, damping), _damped(equations.shared, damping)
+    try:
+        eliminated = np.linalg.solve(own, np.swapaxes(equations.mixed, 1, 2))
+        own_part = np.linalg.solve(own, equations.own_slope[..., None])[..., 0]
+        reduced = shared - np.einsum("vgi,vih->gh", equations.mixed, eliminated)
+        slope = equations.shared_slope - np.einsum("vgi,vi->g", equations.mixed, own_part)
+        step = -np.linalg.solve(reduced, slope)
+    except np.linalg.LinAlgError:
+        return None
+    own_step = -own_part - np.einsum("vig,g->vi", eliminated, step)
+    if not (np.all(np.isfinite(step)) and np.all(np.isfinite(own_step))):
+        return None
+    values = parameters(solution.model)
+    lens_count = int(free.sum())
+    values[free] += step[:lens_count]
+    try:
+        model = with_parameters(solution.model, values)
+    except InputError:
+        return None
+    bend = solution.bend_m + step[lens_count:] if bend_free else solution.bend_m
+    poses = Poses(
+        _rotations(own_step[:, :3]) @ solution.poses.R_camera_board,
+        solution.poses.t_camera_board_m + own_step[:, 3:],
+    )
+    return Solution(model, poses, bend)
+
+
+def _damped(blocks: Array, damping: float) -> Array:
+    """Return the blocks (…, K, K) with their diagonals raised by a share; none of them is 0."""
+    size = np.arange(blocks.shape[-1])
+    raised = blocks.copy()
+    diagonal = raised[..., size, size]
+    raised[..., size, size] = diagonal * (1.0 + damping) + (diagonal == 0)
+    return raised
+
+
+def _marginal(equations: _Equations) -> Array:
+    """Return the information (G, G) on what all views share, with the poses marginalised."""
+    eliminated = np.linalg.pinv(equations.own) @ np.swapaxes(equations.mixed, 1, 2)
+    return np.asarray(equations.shared - np.einsum("vgi,vih->gh", equations.mixed, eliminated))
+
+
+def _rotations(turns_rad: Array) -> Array:
+    """Return the rotations (V, 3, 3) about the vectors (V, 3) by their lengths (Rodrigues)."""
+    angle = np.linalg.norm(turns_rad, axis=-1)
+    axis = turns_rad / np.maximum(angle, 1e-300)[:, None]
+    x, y, z = axis.T
+    zero = np.zeros_like(x)
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(-1, 3, 3)
+    sine, versine = np.sin(angle)[:, None, None], (1.0 - np.cos(angle))[:, None, None]
+    return np.asarray(np.eye(3) + sine * cross + versine * cross @ cross)
