@@ -1,15 +1,43 @@
 """A live camera that brackets: opened, brought under manual control, and cycled through exposures.
 
 Input  : CameraRequest.    Output : Bracket after Bracket, each exposure as the camera read it back.
+Cost   : opening takes some 80 frames, in which the camera's delay is measured.
+Fails  : exposures longer than the time between frames are not taken; ask for a lower rate. Gain is
+         not changed. A driver that reads settings back from memory is believed unless pixels
+         contradict it.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
+from math import floor
 from types import TracebackType
 from typing import Self
 
+import numpy as np
+
+from capture.errors import InputError, UnreadableFrame
 from capture.frame import Bracket, Exposure, Frame
 from capture.sensor import Sensor
+from capture.v4l2.consistency import find_contradiction
+from capture.v4l2.controls import list_controls
+from capture.v4l2.cycling import CameraCounters, Exposed, ExposureCycle
+from capture.v4l2.finding import find_camera
+from capture.v4l2.formats import PictureFormat, choose_format, choose_interval
+from capture.v4l2.manual import ExposureControl, take_control
+from capture.v4l2.node import VideoNode
+from capture.v4l2.pixel_formats import (
+    PIXEL_FORMATS,
+    brightest_sample,
+    decode,
+    exposure_samples,
+    pixel_sensor,
+)
+from capture.v4l2.settling import Settling, measure_settling
+from capture.v4l2.stream import VideoStream
+
+_ATTEMPTS = 3  # at a delay that explains the frames; each allows for a frame more of doubt
+_PROOFS = 3  # brackets of two exposures that must come out right
 
 
 @dataclass(frozen=True)
@@ -20,34 +48,19 @@ class CameraRequest:
     ----------
     device : str
         A path (/dev/video0, /dev/v4l/by-id/…), a name in /dev/v4l/by-id, the camera's own name or
-        a number.
+        a number. Only by-id is sure to be the same camera after it was unplugged.
     size_px : (int, int) or None
         (width, height).
     pixel_format : str or None
         Four-character code: "YUYV", "MJPG", ….
     frame_rate_hz : float or None
+        None takes the highest.
     """
 
     device: str
     size_px: tuple[int, int] | None = None
     pixel_format: str | None = None
     frame_rate_hz: float | None = None
-
-
-@dataclass
-class CameraCounters:
-    """What became of the frames that the camera sent.
-
-    frames = used + skipped_settling + surplus + errors + stale. `gaps` are frames that never came.
-    """
-
-    frames: int = 0
-    used: int = 0
-    skipped_settling: int = 0
-    surplus: int = 0
-    errors: int = 0
-    stale: int = 0
-    gaps: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,11 +70,11 @@ class CameraFrame:
     Attributes
     ----------
     data : bytes
-        In the camera's pixel format; with "MJPG" a complete JPEG file.
+        In the camera's pixel format; with "MJPG" a complete JPEG, perhaps without Huffman tables.
     exposure : Exposure
-        As the camera read it back.
+        As the camera read it back; gain 1 is the camera's least.
     timestamp_s : float
-        CLOCK_MONOTONIC, as the driver stamped it.
+        CLOCK_MONOTONIC, as the driver stamped it: of USB cameras, when the frame began to arrive.
     index : int
         The driver's sequence number: a gap is a frame that was lost.
     """
@@ -73,39 +86,110 @@ class CameraFrame:
 
 
 class BracketCamera:
-    """A camera under manual control that is streaming; a context manager."""
+    """A camera under manual control that is streaming; made by `open_camera`, closed by `with`.
 
-    name: str
-    pixel_format: str
-    size_px: tuple[int, int]
-    sensor: Sensor
-    frame_interval_s: float
-    exposure_range_s: tuple[float, float]
-    exposure_step_s: float
-    counters: CameraCounters
+    To be used by one thread at a time. After CameraLost or CameraStalled it can only be closed.
+
+    Attributes
+    ----------
+    name : str
+    picture : PictureFormat
+        Pixel format and size, as the driver gave them.
+    sensor : Sensor
+        What the pixel format implies; a measured response is better.
+    settling : Settling
+        How the camera follows its settings, and `frame_interval_s`, as measured.
+    exposure_range_s : (float, float)
+        Shortest and longest exposure.
+    exposure_step_s : float
+    counters : CameraCounters
+    """
+
+    def __init__(
+        self,
+        node: VideoNode,
+        stream: VideoStream,
+        picture: PictureFormat,
+        exposure: ExposureControl,
+        range_s: tuple[float, float],
+    ) -> None:
+        self._node = node
+        self._stream = stream
+        self._exposure = exposure
+        self._brackets = 0
+        self.name = node.card
+        self.picture = picture
+        self.exposure_range_s = range_s
+        self.exposure_step_s = exposure.unit_s * exposure.control.step
+        self.counters = CameraCounters()
+        self.settling, self.sensor, self._cycle = self._calibrate()
+
+    @property
+    def pixel_format(self) -> str:
+        """Four-character code."""
+        return self.picture.fourcc
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """(width, height)."""
+        return self.picture.size_px
+
+    @property
+    def frame_interval_s(self) -> float:
+        """Time between frames, as measured."""
+        return self.settling.frame_interval_s
 
     def nearest_exposure(self, time_s: float) -> float:
         """Return the exposure time nearest to `time_s` that the camera can really do."""
-        raise NotImplementedError
+        shortest_s, longest_s = self.exposure_range_s
+        return self._exposure.nearest(min(max(time_s, shortest_s), longest_s))
 
     def capture(self, times_s: Sequence[float]) -> Bracket:
-        """Return one bracket of the given exposure times, decoded.
+        """Return one bracket of the exposure times nearest to `times_s`, decoded.
 
-        Raises CameraLost, CameraStalled, or UnreadableFrame (the next call goes on).
+        A camera whose delay is steady sends one bracket of N exposures in N frames, as long as the
+        same times are asked for again within two frames.
+
+        Raises
+        ------
+        UnreadableFrame
+            If frames come, but are damaged or contradict their exposures; the next call goes on.
+        CameraLost
+            If the camera was unplugged.
+        CameraStalled
+            If it sends nothing any more.
         """
-        raise NotImplementedError
+        frames = self.capture_undecoded(times_s)
+        bracket = Bracket(tuple(map(self.decode, frames)), self._brackets)
+        self._brackets += 1
+        return bracket
 
     def capture_undecoded(self, times_s: Sequence[float]) -> tuple[CameraFrame, ...]:
-        """Return the frames of one bracket as the camera sent them, e.g. for a recording."""
-        raise NotImplementedError
+        """Return the frames of one bracket as the camera sent them; raises as `capture`."""
+        if not times_s:
+            raise InputError(f"{self.name}: at least one exposure time is wanted")
+        wanted_s = [self.nearest_exposure(time_s) for time_s in times_s]
+        for _ in range(2):
+            exposed = self._cycle.collect(wanted_s)
+            contradiction = self._contradiction(exposed)
+            if contradiction is None:
+                return tuple(map(_camera_frame, exposed))
+            self.counters.contradictions += 1
+        self.settling, self.sensor, self._cycle = self._calibrate()
+        raise UnreadableFrame(
+            f"{self.name}: frames contradict their exposures ({contradiction}), because the light "
+            "changes or the camera does not keep to its settings"
+        )
 
     def decode(self, frame: CameraFrame) -> Frame:
         """Return a frame's counts; UnreadableFrame if its data are damaged."""
-        raise NotImplementedError
+        counts = decode(frame.data, self.picture, self.sensor)
+        return Frame(counts, frame.exposure, frame.timestamp_s, frame.index)
 
     def close(self) -> None:
         """Stop streaming and let go of the camera; harmless when it is gone or already closed."""
-        raise NotImplementedError
+        self._stream.close()
+        self._node.close()
 
     def __enter__(self) -> Self:
         return self
@@ -118,7 +202,84 @@ class BracketCamera:
     ) -> None:
         self.close()
 
+    def _calibrate(self) -> tuple[Settling, Sensor, ExposureCycle]:
+        """Measure the camera's delay, and prove it on brackets of its extreme exposures."""
+        look = partial(exposure_samples, picture=self.picture)
+        settling = measure_settling(
+            self._stream,
+            self._exposure.set,
+            lambda data: float(np.mean(look(data))),
+            self.exposure_range_s,
+        )
+        for _ in range(_ATTEMPTS):
+            cycle = ExposureCycle(self._stream, self._exposure.set, look, settling, self.counters)
+            proofs = [cycle.collect(self.exposure_range_s) for _ in range(_PROOFS)]
+            longest = max(proofs[-1], key=lambda exposed: exposed.actual_s)
+            brightest_dn = brightest_sample(longest.delivery.data, self.picture)
+            sensor = pixel_sensor(self.picture, brightest_dn)
+            if all(_rises(proof) for proof in proofs):
+                return settling, sensor, cycle
+            settling = settling.widened()
+        raise InputError(
+            f"{self.name}: its frames do not follow its exposures with a delay that can be told"
+        )
+
+    def _contradiction(self, exposed: Sequence[Exposed]) -> str | None:
+        times_s = [one.actual_s for one in exposed]
+        return find_contradiction(times_s, [one.samples for one in exposed], self.sensor)
+
 
 def open_camera(request: CameraRequest) -> BracketCamera:
-    """Return a camera that streams under manual control, its settling measured."""
-    raise NotImplementedError
+    """Return a camera that streams under manual control, its settling measured.
+
+    Raises
+    ------
+    InputError
+        If there is no such camera, it does not offer what is asked for, another program uses it,
+        an automatic cannot be turned off, or its pictures do not follow its exposure.
+    CameraLost, CameraStalled
+        If it is unplugged meanwhile, or sends nothing.
+    """
+    node = VideoNode(find_camera(request.device))
+    try:
+        picture = choose_format(node, request.pixel_format, request.size_px, PIXEL_FORMATS)
+        interval_s = choose_interval(node, picture, request.frame_rate_hz)
+        exposure = take_control(node, list_controls(node), picture.size_px[0])
+        range_s = _exposure_range(exposure, interval_s)
+        stream = VideoStream(node)
+    except BaseException:
+        node.close()
+        raise
+    try:
+        return BracketCamera(node, stream, picture, exposure, range_s)
+    except BaseException:
+        stream.close()
+        node.close()
+        raise
+
+
+def _exposure_range(exposure: ExposureControl, interval_s: float) -> tuple[float, float]:
+    """Return the shortest exposure that is not 0, and the longest that fits between two frames."""
+    control = exposure.control
+    least = control.minimum if control.minimum > 0 else control.nearest(max(control.step, 1))
+    most = control.nearest(min(floor(interval_s / exposure.unit_s), control.maximum))
+    if most <= least:
+        raise InputError(
+            f"{exposure.node.path} ({exposure.node.card}): '{control.name}' goes from "
+            f"{least * exposure.unit_s:.3g} s, which leaves no choice at "
+            f"{1 / interval_s:.3g} frames a second"
+        )
+    return least * exposure.unit_s, most * exposure.unit_s
+
+
+def _rises(proof: Sequence[Exposed]) -> bool:
+    """Tell whether the longer of two exposures is the brighter one."""
+    shorter, longer = sorted(proof, key=lambda exposed: exposed.actual_s)
+    return float(np.mean(longer.samples)) > float(np.mean(shorter.samples))
+
+
+def _camera_frame(exposed: Exposed) -> CameraFrame:
+    delivery = exposed.delivery
+    return CameraFrame(
+        delivery.data, Exposure(exposed.actual_s), delivery.timestamp_s, delivery.sequence
+    )

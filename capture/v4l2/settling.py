@@ -1,0 +1,218 @@
+"""When an exposure that was set shows in the frames, measured by steps between two exposures.
+
+Domain : a camera latches its settings once a frame, some frames ahead. A setting made at time s is
+         then in every frame stamped after s + D, and in none before; D is some 1 to 4 frames.
+Input  : a running stream.    Output : Settling, bounds of D and the frame interval.
+Cost   : about 60 frames.
+Fails  : in a picture that does not depend on exposure (a covered lens), which is refused.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from statistics import median
+from typing import NamedTuple
+
+from capture.errors import CameraStalled, InputError
+from capture.v4l2.stream import Delivery, FrameStream
+
+SetExposure = Callable[[float], float]
+"""Sets an exposure time in seconds and returns the camera's own."""
+
+START_S = 10.0
+"""Longest wait for a first frame: some cameras take seconds to start."""
+
+_STEPS = 8
+_LEVEL_FRAMES = 12  # more than any camera's delay
+_MOST_FRAMES = 40  # after which a step is taken not to have come
+_LEAST_CONTRAST = 0.01  # of the larger level
+_OLD, _NEW = 0.2, 0.8  # shares of a step; between them the camera is on its way
+_GUARD = 0.1  # frame intervals that delays may wander beyond what was measured
+_MOST_AGE_S = 60.0
+
+
+@dataclass(frozen=True)
+class Settling:
+    """How a camera follows its settings.
+
+    A setting that was made between `begun` and `done` is in no frame stamped before begun +
+    `earliest_s`, and in all frames stamped from done + `latest_s` on. Making it takes `setting_s`.
+    """
+
+    earliest_s: float
+    latest_s: float
+    setting_s: float
+    frame_interval_s: float
+
+    @property
+    def frames(self) -> float:
+        """The delay k, in frame intervals: a frame is taken if stamped after done + k intervals."""
+        return self.latest_s / self.frame_interval_s
+
+    def widened(self) -> "Settling":
+        """Return bounds a frame further apart, for a camera that was caught beyond these."""
+        half_s = self.frame_interval_s / 2
+        return replace(
+            self,
+            earliest_s=max(self.earliest_s - half_s, 0.0),
+            latest_s=self.latest_s + half_s,
+        )
+
+
+class _Step(NamedTuple):
+    """One change of exposure: when it was set, and the stamps between which it came."""
+
+    begun_s: float
+    done_s: float
+    last_old_s: float
+    first_changed_s: float
+    last_unsettled_s: float
+    first_new_s: float
+
+
+def measure_settling(
+    stream: FrameStream,
+    set_exposure: SetExposure,
+    level_of: Callable[[bytes], float],
+    times_s: tuple[float, float],
+) -> Settling:
+    """Return how a camera follows steps between two exposure times.
+
+    The steps are set at even phases of the frame, so that a constant delay is found to within an
+    eighth of a frame; one that varies widens the bounds.
+
+    Raises
+    ------
+    InputError
+        If the picture's level hardly differs between the two, does not follow, or frames are
+        stamped by another clock.
+    CameraStalled, CameraLost
+        As the stream.
+    """
+    frames = _FrameLog(stream, level_of)
+    levels = []
+    for time_s in times_s:
+        set_exposure(time_s)
+        for _ in range(_LEVEL_FRAMES):
+            frames.read()
+        levels.append(median(frames.levels[-3:]))
+    dark, bright = levels
+    if bright - dark < _LEAST_CONTRAST * max(bright, 1.0):
+        raise InputError(
+            f"the picture is as bright at {times_s[0]:.2g} s as at {times_s[1]:.2g} s (levels "
+            f"{dark:.3g} and {bright:.3g}): is the lens covered, or the exposure automatic?"
+        )
+    interval_s = frames.interval_s()
+    steps = []
+    for index in range(_STEPS):
+        to_bright = index % 2 == 1  # the last level was the bright one
+        frames.read_until(stream.now_s() + index / _STEPS * interval_s)
+        steps.append(
+            _step(
+                frames, set_exposure, times_s[to_bright], levels[not to_bright], levels[to_bright]
+            )
+        )
+    return _bounds(steps, frames.interval_s())
+
+
+class _FrameLog:
+    """Stamps and levels of the whole frames that came, in order."""
+
+    def __init__(self, stream: FrameStream, level_of: Callable[[bytes], float]) -> None:
+        self.stream = stream
+        self.levels: list[float] = []
+        self.stamps_s: list[float] = []
+        self._sequences: list[int] = []
+        self._level_of = level_of
+
+    def read(self) -> None:
+        """Wait for a frame that is whole."""
+        while not self._take(self.stream.next_frame(START_S)):
+            pass
+
+    def read_until(self, time_s: float) -> None:
+        """Take the frames that come until a time."""
+        while (left_s := time_s - self.stream.now_s()) > 0:
+            delivery = self.stream.next_frame(left_s)
+            if delivery is not None:
+                self._take(delivery)
+
+    def interval_s(self) -> float:
+        """Return the median time between frames that follow one another."""
+        moments = list(zip(self._sequences, self.stamps_s, strict=True))
+        return median(
+            (later_s - earlier_s) / (later - earlier)
+            for (earlier, earlier_s), (later, later_s) in pairwise(moments)
+            if later > earlier
+        )
+
+    def _take(self, delivery: Delivery | None) -> bool:
+        if delivery is None:
+            raise CameraStalled(f"the camera sent no frame within {START_S:.0f} s")
+        age_s = self.stream.now_s() - delivery.timestamp_s
+        if not 0 <= age_s < _MOST_AGE_S:
+            raise InputError(
+                f"frames are stamped {age_s:.3g} s before they come, so by another clock than "
+                "CLOCK_MONOTONIC; for USB cameras, load uvcvideo with clock=CLOCK_MONOTONIC"
+            )
+        if delivery.is_damaged or not delivery.data:
+            return False
+        self.levels.append(self._level_of(delivery.data))
+        self.stamps_s.append(delivery.timestamp_s)
+        self._sequences.append(delivery.sequence)
+        return True
+
+
+def _step(
+    frames: _FrameLog, set_exposure: SetExposure, time_s: float, old: float, new: float
+) -> _Step:
+    """Set an exposure, and read until two frames running have its level."""
+    begun_s = frames.stream.now_s()
+    set_exposure(time_s)
+    done_s = frames.stream.now_s()
+    last_old_s = last_unsettled_s = frames.stamps_s[-1]
+    first_changed_s = first_new_s = None
+    for _ in range(_MOST_FRAMES):
+        frames.read()
+        stamp_s = frames.stamps_s[-1]
+        share = (frames.levels[-1] - old) / (new - old)
+        if share < _OLD:
+            last_old_s, first_changed_s = stamp_s, None
+        elif first_changed_s is None:
+            first_changed_s = stamp_s
+        if share < _NEW:
+            last_unsettled_s, first_new_s = stamp_s, None
+        elif first_new_s is None:
+            first_new_s = stamp_s
+        elif first_changed_s is not None:
+            return _Step(
+                begun_s, done_s, last_old_s, first_changed_s, last_unsettled_s, first_new_s
+            )
+    raise InputError(
+        f"an exposure of {time_s:.2g} s did not show within {_MOST_FRAMES} frames; the camera does "
+        "not follow its exposure control"
+    )
+
+
+def _bounds(steps: list[_Step], interval_s: float) -> Settling:
+    """Return what the steps leave possible for the delay.
+
+    A step tells that the delay is more than `last_old − done` and at most `first_changed − begun`.
+    If one delay explains all steps, it lies between the largest of the former and the smallest of
+    the latter; if none does, delays vary at least between the same two numbers.
+    """
+    begins = (
+        max(step.last_old_s - step.done_s for step in steps),
+        min(step.first_changed_s - step.begun_s for step in steps),
+    )
+    ends = (
+        max(step.last_unsettled_s - step.done_s for step in steps),
+        min(step.first_new_s - step.begun_s for step in steps),
+    )
+    guard_s = _GUARD * interval_s
+    return Settling(
+        earliest_s=max(min(begins) - guard_s, 0.0),
+        latest_s=max(ends) + guard_s,
+        setting_s=median(step.done_s - step.begun_s for step in steps),
+        frame_interval_s=interval_s,
+    )
