@@ -20,6 +20,7 @@ from capture.errors import InputError
 from capture.fine_counts import encode, fine_counts, fine_sensor
 from capture.frame import Bracket, Frame
 from capture.lens_circle import outside_circle
+from capture.reduced import measured_range, reduced_linear, reduction
 from capture.registration import Mask, Motion, Registration, register, warped, warped_mask
 from capture.sensor import Sensor
 
@@ -126,8 +127,8 @@ def align_bracket(bracket: Bracket, sensor: Sensor) -> AlignedBracket:
     if frames[0].counts.dtype == np.float32:
         still = tuple(_alignment(frame, np.eye(3), 0.0, is_certain=True) for frame in frames)
         return AlignedBracket(bracket, sensor, still)
-    step = math.ceil(math.sqrt(math.prod(frames[0].size_px) / _FOUND_PX))
-    pictures = [_reduced(frame, sensor, step) for frame in frames]
+    step = reduction(frames[0].size_px, _FOUND_PX)
+    pictures = [reduced_linear(frame, sensor, step) for frame in frames]
     outside = outside_circle(reversed(pictures))
     alignments = _found(frames, pictures, sensor, step, outside)
     del pictures
@@ -180,27 +181,10 @@ def _found(
     return tuple(alignments)
 
 
-def _reduced(frame: Frame, sensor: Sensor, step: int) -> NDArray[np.float32]:
-    """Return the linear values of a frame, averaged over `step` by `step` pixels."""
-    table = sensor.linear_table()
-    width, height = (length // step for length in frame.size_px)
-    counts = frame.counts[: height * step, : width * step]
-    planes = [
-        cv2.resize(
-            table[counts[..., channel], channel], (width, height), interpolation=cv2.INTER_AREA
-        )
-        for channel in range(3)
-    ]
-    return np.stack(planes, axis=-1)
-
-
 def _common_range(darker: Frame, brighter: Frame, sensor: Sensor) -> tuple[float, float]:
     """Return the least and the largest radiance that both frames measure in all channels."""
-    linear = sensor.linear_table()
-    spread = np.sqrt(sensor.variance_table(darker.exposure.gain))
-    least = float(linear[spread > _LARGEST_NOISE * linear].max(initial=0.0))
-    most = _LARGEST_VALUE * sensor.saturation
-    return least / darker.exposure.signal, most / brighter.exposure.signal
+    least, most = measured_range(sensor, darker.exposure.gain, _LARGEST_NOISE)
+    return least / darker.exposure.signal, _LARGEST_VALUE * most / brighter.exposure.signal
 
 
 def _logarithm(radiance: NDArray[np.float32], low: float, high: float) -> NDArray[np.float32]:

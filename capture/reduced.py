@@ -1,0 +1,43 @@
+"""Frames as small linear pictures, for questions that do not need every pixel."""
+
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.frame import Frame
+from capture.sensor import Sensor
+
+
+def reduction(size_px: tuple[int, int], most_px: int) -> int:
+    """Return by how many whole pixels to reduce both sides, so that at most `most_px` remain."""
+    return math.ceil(math.sqrt(math.prod(size_px) / most_px))
+
+
+def reduced_linear(frame: Frame, sensor: Sensor, step: int) -> NDArray[np.float32]:
+    """Return linear values, (H // step, W // step, 3), averaged over `step` by `step` pixels."""
+    table = sensor.linear_table()
+    width, height = (length // step for length in frame.size_px)
+    counts = frame.counts[: height * step, : width * step]
+    return np.stack(
+        [
+            cv2.resize(
+                table[counts[..., channel], channel],
+                (width, height),
+                interpolation=cv2.INTER_AREA,
+            )
+            for channel in range(3)
+        ],
+        axis=-1,
+    ).astype(np.float32, copy=False)
+
+
+def measured_range(sensor: Sensor, gain: float, largest_noise: float) -> tuple[float, float]:
+    """Return the linear values between which counts are below saturation and not mere noise.
+
+    `largest_noise` is the standard deviation of a value, in parts of it.
+    """
+    linear = sensor.linear_table()
+    spread = np.sqrt(sensor.variance_table(gain))
+    return float(linear[spread > largest_noise * linear].max(initial=0.0)), sensor.saturation
