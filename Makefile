@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DEMO := demo-output
 
-.PHONY: help setup demo test check bench recordings lock clean
+.PHONY: help setup guest demo test test-camera check bench recordings lock clean
 
 help: ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 14
@@ -16,12 +16,18 @@ $(VENV)/.ready: requirements.lock pyproject.toml setup.sh
 	PYTHON=$(PYTHON) ./setup.sh $(VENV)
 	@touch $@
 
+guest: ## the system's parts that the camera's tests boot a guest with: QEMU and busybox
+	./setup.sh --guest
+
 demo: setup ## replay the bundled recording: lights, maps, pictures and a video in demo-output/
 	$(BIN)/fishlight replay recordings/outdoor -o $(DEMO) --count 64 --force
 	@echo "Look at $(DEMO)/video.mp4, $(DEMO)/pictures/, $(DEMO)/maps/ and $(DEMO)/lights/."
 
 test: setup ## the whole test suite, on two processes
-	$(BIN)/python -m pytest -n 2 --dist loadscope -q
+	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder -q
+
+test-camera: setup guest ## the camera's tests on real kernel drivers, vivid's injected faults included
+	FISHLIGHT_REQUIRE_GUEST=1 $(BIN)/python -m pytest -q tests/camera tests/camera/vivid_faults.py
 
 check: setup ## formatter, linter, type checker, import contract
 	$(BIN)/ruff format --check .

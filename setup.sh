@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
 # Makes a virtual environment with everything fishlight needs: setup.sh VENV
+# or only adds what the camera's tests on a kernel driver need: setup.sh --guest
 # Python packages come from requirements.lock (versions and hashes); the system's parts are
 # installed where the user may (root, or sudo without a password), otherwise the line is printed.
 set -euo pipefail
@@ -30,6 +31,12 @@ install_packages() { # MEANING PACKAGE...
         say "$meaning missing. Type: sudo $line"
     fi
 }
+
+if [ "$venv" = --guest ]; then
+    command -v dpkg-query >/dev/null || { say "not a Debian or Ubuntu system: no guest"; exit 0; }
+    install_packages "the guest of the camera's tests" qemu-system-x86 busybox-static
+    exit
+fi
 
 if command -v dpkg-query >/dev/null; then
     install_packages "OpenGL (EGL and Mesa's software driver)" libegl1 libgl1-mesa-dri libgl1

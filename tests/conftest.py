@@ -22,3 +22,8 @@ def ctx(_context: Any) -> Iterator[Any]:
         assert _context.error == "GL_NO_ERROR"
         yield _context
         assert _context.error == "GL_NO_ERROR"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the tests that wait for a guest first: other processes test while it boots and runs."""
+    items.sort(key=lambda item: item.get_closest_marker("camera") is None)

@@ -30,7 +30,7 @@ from tests.camera.uvc_descriptors import (
     string_descriptor,
 )
 from tests.camera.uvc_pictures import PictureBook, PictureKey
-from tests.camera.uvc_stamp import Stamp, stamp_of_counts, stamp_of_jpeg, stamped
+from tests.camera.uvc_stamp import Stamp, stamp_of_counts, stamp_of_data, stamped
 
 MODE, EXPOSURE = (CAMERA_TERMINAL, 2), (CAMERA_TERMINAL, 4)
 GAIN = (PROCESSING_UNIT, 4)
@@ -138,8 +138,9 @@ def decoded(data: bytes, pixel_format: str) -> np.ndarray:
 def test_stamp_survives_decoding(pixel_format: str) -> None:
     stamp = Stamp(0xA5F1, 500, 1)
     picture = bytearray(encoded(np.full((120, 160, 3), 0.4), pixel_format))
-    counts = decoded(stamped(picture, pixel_format, 160, stamp), pixel_format)
-    assert stamp_of_counts(counts) == stamp
+    data = stamped(picture, pixel_format, 160, stamp)
+    counts = decoded(data, pixel_format)
+    assert stamp_of_counts(counts) == stamp_of_data(data, pixel_format, 160) == stamp
     plain = decoded(encoded(np.full((120, 160, 3), 0.4), pixel_format), pixel_format)
     assert np.array_equal(counts[:110], plain[:110])
 
@@ -147,10 +148,10 @@ def test_stamp_survives_decoding(pixel_format: str) -> None:
 def test_stamp_in_a_jpeg_is_a_comment() -> None:
     plain = encoded(np.full((120, 160, 3), 0.4), "MJPG")
     data = stamped(bytearray(plain), "MJPG", 160, Stamp(70, 10, 0))
-    assert stamp_of_jpeg(data) == Stamp(70, 10, 0)
+    assert stamp_of_data(data, "MJPG", 160) == Stamp(70, 10, 0)
     assert np.array_equal(decoded(data, "MJPG"), decoded(plain, "MJPG"))
     with pytest.raises(ValueError, match="no stamp"):
-        stamp_of_jpeg(plain)
+        stamp_of_data(plain, "MJPG", 160)
 
 
 @pytest.mark.parametrize("pixel_format", ["YUYV", "MJPG", "RG16"])

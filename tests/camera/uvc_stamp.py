@@ -6,6 +6,7 @@ long as the file's bytes do.
 """
 
 import re
+from collections.abc import Iterable
 from itertools import accumulate
 from typing import Any, NamedTuple
 
@@ -46,19 +47,29 @@ def stamped(picture: bytearray, pixel_format: str, width_px: int, stamp: Stamp) 
     return bytes(picture)
 
 
+def stamp_of_data(data: bytes, pixel_format: str, width_px: int) -> Stamp:
+    """Return the stamp of a frame as the camera sent it."""
+    if pixel_format == "MJPG":
+        found = _PATTERN.search(data)
+        if found is None:
+            raise ValueError("no stamp in the JPEG")
+        return Stamp(*map(int, found.groups()))
+    black, white = _CELLS[pixel_format]
+    pixel_bytes = len(black) // _CELL_PX
+    telling = next(place for place in range(pixel_bytes) if white[place] - black[place] > 128)
+    row = data[len(data) - pixel_bytes * width_px :]
+    return _of_bits([byte > 128 for byte in row[telling :: len(black)]])
+
+
 def stamp_of_counts(counts: Any) -> Stamp:
     """Return the stamp of a decoded frame, (H, W, 3) uint8 or uint16."""
     half = 1.5 * (255 if counts.itemsize == 1 else 65535)
     centres = counts[-STAMP_ROWS // 2, _CELL_PX // 2 :: _CELL_PX].sum(axis=-1, dtype=int)
-    bits = "".join("1" if level > half else "0" for level in centres[: sum(_BITS)])
+    return _of_bits(centres > half)
+
+
+def _of_bits(bits: Iterable[Any]) -> Stamp:
+    text = "".join("1" if bit else "0" for bit in bits)
     ends = list(accumulate(_BITS))
-    starts = [0, *ends]
-    return Stamp(*(int(bits[start:end], 2) for start, end in zip(starts, ends, strict=False)))
-
-
-def stamp_of_jpeg(data: bytes) -> Stamp:
-    """Return the stamp of a JPEG file's bytes."""
-    found = _PATTERN.search(data)
-    if found is None:
-        raise ValueError("no stamp in the JPEG")
-    return Stamp(*map(int, found.groups()))
+    starts = [0, *ends[:-1]]
+    return Stamp(*(int(text[start:end], 2) for start, end in zip(starts, ends, strict=True)))
