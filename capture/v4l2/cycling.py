@@ -79,10 +79,12 @@ class Exposed(NamedTuple):
 
 
 class _Setting(NamedTuple):
+    """An exposure, and between which stamps the first frame lies that has it."""
+
     wanted_s: float
     actual_s: float
-    begun_s: float
-    done_s: float
+    earliest_s: float
+    latest_s: float
 
 
 class ExposureCycle:
@@ -108,7 +110,7 @@ class ExposureCycle:
         self._last: Delivery | None = None
         self._aimed_s = 0.0  # the frame that the last setting was meant for
         interval_s = settling.frame_interval_s
-        doubt_s = settling.latest_s - settling.earliest_s + settling.setting_s
+        doubt_s = settling.latest_s - settling.earliest_s
         self._stride = ceil(doubt_s / interval_s + 2 * _LEAST_MARGIN)
         """Frames from one setting to the next."""
         self._margin_s = (self._stride * interval_s - doubt_s) / 2
@@ -195,14 +197,23 @@ class ExposureCycle:
             return
         begun_s = self._stream.now_s()
         actual_s = self._set_exposure(wanted_s)
-        self._settings.append(_Setting(wanted_s, actual_s, begun_s, self._stream.now_s()))
+        done_s = self._stream.now_s()
+        made_s = min(begun_s + self._settling.setting_s, done_s)
+        self._settings.append(
+            _Setting(
+                wanted_s,
+                actual_s,
+                made_s + self._settling.earliest_s,
+                done_s + self._settling.latest_s,
+            )
+        )
 
     def _setting_at(self, stamp_s: float) -> _Setting | None:
         """Return the setting that a frame of this stamp certainly has; None if it is in doubt."""
         for setting in reversed(self._settings):
-            if setting.done_s + self._settling.latest_s <= stamp_s:
+            if setting.latest_s <= stamp_s:
                 return setting
-            if setting.begun_s + self._settling.earliest_s <= stamp_s:
+            if setting.earliest_s <= stamp_s:
                 return None
         return None
 

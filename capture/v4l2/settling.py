@@ -22,12 +22,13 @@ SetExposure = Callable[[float], float]
 START_S = 10.0
 """Longest wait for a first frame: some cameras take seconds to start."""
 
-_STEPS = 8
+_STEPS = 12
 _LEVEL_FRAMES = 12  # more than any camera's delay
 _MOST_FRAMES = 40  # after which a step is taken not to have come
 _LEAST_CONTRAST = 0.01  # of the larger level
 _OLD, _NEW = 0.2, 0.8  # shares of a step; between them the camera is on its way
 _GUARD = 0.1  # frame intervals that delays may wander beyond what was measured
+_WANDER = 0.1  # frame intervals, above which a delay is not taken for constant
 _MOST_AGE_S = 60.0
 
 
@@ -35,8 +36,9 @@ _MOST_AGE_S = 60.0
 class Settling:
     """How a camera follows its settings.
 
-    A setting that was made between `begun` and `done` is in no frame stamped before begun +
-    `earliest_s`, and in all frames stamped from done + `latest_s` on. Making it takes `setting_s`.
+    A setting that was made by `done` is in all frames stamped from done + `latest_s` on, and in
+    none stamped before done + `earliest_s`. Making it usually takes `setting_s`; one that took
+    longer may count from that time after its beginning on.
     """
 
     earliest_s: float
@@ -78,8 +80,8 @@ def measure_settling(
 ) -> Settling:
     """Return how a camera follows steps between two exposure times.
 
-    The steps are set at even phases of the frame, so that a constant delay is found to within an
-    eighth of a frame; one that varies widens the bounds.
+    The steps are set at even phases of the frame, so that a constant delay is found to within a
+    twelfth of a frame; one that varies widens the bounds.
 
     Raises
     ------
@@ -197,22 +199,37 @@ def _step(
 def _bounds(steps: list[_Step], interval_s: float) -> Settling:
     """Return what the steps leave possible for the delay.
 
-    A step tells that the delay is more than `last_old − done` and at most `first_changed − begun`.
+    A step tells that its delay is more than `last_old − done` and at most `first_changed − done`.
     If one delay explains all steps, it lies between the largest of the former and the smallest of
-    the latter; if none does, delays vary at least between the same two numbers.
+    the latter. If it hardly does, it varies at least between these two; if it does not, any delay
+    of any step is possible.
     """
-    begins = (
-        max(step.last_old_s - step.done_s for step in steps),
-        min(step.first_changed_s - step.begun_s for step in steps),
+    setting_s = median(step.done_s - step.begun_s for step in steps)
+    made_s = [min(step.begun_s + setting_s, step.done_s) for step in steps]
+    begins = _range(
+        [step.last_old_s - step.done_s for step in steps],
+        [step.first_changed_s - at_s for step, at_s in zip(steps, made_s, strict=True)],
+        interval_s,
     )
-    ends = (
-        max(step.last_unsettled_s - step.done_s for step in steps),
-        min(step.first_new_s - step.begun_s for step in steps),
+    ends = _range(
+        [step.last_unsettled_s - step.done_s for step in steps],
+        [step.first_new_s - at_s for step, at_s in zip(steps, made_s, strict=True)],
+        interval_s,
     )
     guard_s = _GUARD * interval_s
     return Settling(
-        earliest_s=max(min(begins) - guard_s, 0.0),
-        latest_s=max(ends) + guard_s,
-        setting_s=median(step.done_s - step.begun_s for step in steps),
+        earliest_s=max(begins[0] - guard_s, 0.0),
+        latest_s=ends[1] + guard_s,
+        setting_s=setting_s,
         frame_interval_s=interval_s,
     )
+
+
+def _range(
+    more_than_s: list[float], at_most_s: list[float], interval_s: float
+) -> tuple[float, float]:
+    """Return where a delay lies that is above one and up to another number in each step."""
+    above_s, up_to_s = max(more_than_s), min(at_most_s)
+    if above_s - up_to_s > _WANDER * interval_s:
+        return min(more_than_s), max(at_most_s)
+    return min(above_s, up_to_s), max(above_s, up_to_s)
