@@ -60,6 +60,8 @@ def find_grids(grey: NDArray[np.uint8]) -> list[CornerGrid]:
     """Return the grids of at least nine corners in a picture (H, W), the largest first."""
     smooth = np.asarray(cv2.GaussianBlur(grey.astype(np.float32), (0, 0), 1.0), np.float32)
     saddles = _saddles(smooth)
+    if len(saddles) == 0:
+        return []
     edges, rises, is_corner = _edges_around(smooth, saddles)
     saddles, edges, rises = saddles[is_corner], edges[is_corner], rises[is_corner]
     if len(saddles) < 9:

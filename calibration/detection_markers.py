@@ -5,7 +5,8 @@ Output : the points (rows, columns, 2) to a pixel or two, NaN where no marker te
 Markers are found in the picture itself and in flat views of it, drawn as if it came from an
 equidistant fisheye: near the rim a marker's sides are bent too much to be taken for a square, and
 in one of those views they are nearly straight, whatever the lens.
-Fails  : a marker whose cells are smaller than two pixels.
+Fails  : a marker whose cells are smaller than two pixels. A ChArUco board with an even number of
+rows that OpenCV before 4.6 printed begins with a light square: points are lost, or all are.
 """
 
 from collections.abc import Callable
@@ -22,6 +23,9 @@ Array = NDArray[np.float64]
 
 _UNIT_SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
+_AGREE = 0.25
+"""How far two markers may put the same point apart, in sides of the smallest marker."""
+
 _GUESSED_HALF_ANGLE_RAD = np.deg2rad(95.0)
 """Angle from the axis that the shorter side of the picture is taken to show."""
 
@@ -34,23 +38,21 @@ _FLAT_TILT_RAD = np.deg2rad(60.0)
 def find_marked_points(grey: NDArray[np.uint8], board: Board) -> Array:
     """Return the board's points (rows, columns, 2) in a picture (H, W), NaN for those not found."""
     detector = _detector(board)
-    columns, rows = board.grid
     markers = _read_markers(detector, grey)
-    points = _points_of(markers, board)
-    if len(points) < columns * rows:
+    lattice = _points_of(markers, board)
+    if np.any(np.isnan(lattice)):
         for view, onto_picture in _flat_views(grey):
             for number, corners in _read_markers(detector, view).items():
                 markers.setdefault(number, onto_picture(corners))
-        points = _points_of(markers, board)
-    lattice = np.full((rows * columns, 2), np.nan)
-    for point_id, places in points.items():
-        lattice[point_id] = np.mean(places, axis=0)
-    return lattice.reshape(rows, columns, 2)
+        lattice = _points_of(markers, board)
+    return lattice
 
 
 def _detector(board: Board) -> cv2.aruco.ArucoDetector:
     parameters = cv2.aruco.DetectorParameters()
     parameters.adaptiveThreshWinSizeMax = 43
+    if board.pattern == "charuco":  # its corners are told from a marker's, which are some way off
+        parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     if board.pattern == "apriltag":
         parameters.markerBorderBits = 2
         return cv2.aruco.ArucoDetector(_dictionary("APRILTAG_36h11"), parameters)
@@ -70,48 +72,52 @@ def _read_markers(detector: cv2.aruco.ArucoDetector, grey: NDArray[np.uint8]) ->
     if numbers is None:
         return {}
     corners = np.asarray(found, np.float64).reshape(-1, 4, 2)
-    return dict(zip(np.ravel(numbers).tolist(), corners, strict=True))
+    return dict(zip((int(number) for number in np.ravel(numbers)), corners, strict=True))
 
 
-def _points_of(markers: dict[int, Array], board: Board) -> dict[int, list[Array]]:
-    """Return where each point of the board lies by each of the markers that touch it."""
+def _points_of(markers: dict[int, Array], board: Board) -> Array:
+    """Return the points (rows, columns, 2) that markers tell, NaN where none does or two differ."""
     columns, rows = board.grid
-    points: dict[int, list[Array]] = {}
+    told: dict[tuple[int, int], list[Array]] = {}
+    shortest = np.inf
+    on_square, squares = _layout(board)
     for number, corners in markers.items():
-        place = _place_of_marker(number, board)
-        if place is None:
+        if number >= len(squares):
             continue
-        column, row = place
-        if board.pattern == "apriltag":
-            # Kalibr prints its tags turned by half a turn against OpenCV's.
-            for (x, y), corner in zip(_UNIT_SQUARE, np.roll(corners, 2, axis=0), strict=True):
-                point = (2 * row + int(y)) * columns + 2 * column + int(x)
-                points.setdefault(point, []).append(corner)
-            continue
-        margin = (1 - board.marker_ratio) / 2
-        on_square = (margin + board.marker_ratio * _UNIT_SQUARE).astype(np.float32)
+        column, row = squares[number]
+        sides = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)
+        shortest = min(shortest, sides.min())
         onto_picture = cv2.getPerspectiveTransform(on_square, corners.astype(np.float32))
         around = cv2.perspectiveTransform(_UNIT_SQUARE[None], onto_picture)[0]
         for (x, y), corner in zip(_UNIT_SQUARE, around, strict=True):
-            at_column, at_row = column + int(x) - 1, row + int(y) - 1
-            if 0 <= at_column < columns and 0 <= at_row < rows:
-                points.setdefault(at_row * columns + at_column, []).append(corner)
-    return points
+            place = row + int(y), column + int(x)
+            if 0 <= place[0] < rows and 0 <= place[1] < columns:
+                told.setdefault(place, []).append(corner)
+    lattice = np.full((rows, columns, 2), np.nan)
+    for place, corners_told in told.items():
+        if np.ptp(corners_told, axis=0).max() <= _AGREE * shortest:
+            lattice[place] = np.mean(corners_told, axis=0)
+    return lattice
 
 
-def _place_of_marker(number: int, board: Board) -> tuple[int, int] | None:
-    """Return the column and row of a marker's square or tag, None if the board has no such."""
+def _layout(board: Board) -> tuple[NDArray[np.float32], list[tuple[int, int]]]:
+    """Return a marker's corners (4, 2) in its square, and the column and row of every square.
+
+    A square reaches from a point to the next; the squares are in the order of their markers'
+    numbers.
+    """
+    columns, rows = range(board.columns), range(board.rows)
     if board.pattern == "apriltag":
-        row, column = divmod(number, board.columns)
-        return (column, board.rows - 1 - row) if row < board.rows else None
-    # The markers of a ChArUco board fill the light squares, those whose column + row is odd.
+        # Kalibr counts from the lower left, and prints the tags half a turn against OpenCV's.
+        squares = [(2 * column, 2 * row) for row in reversed(rows) for column in columns]
+        return np.roll(_UNIT_SQUARE, 2, axis=0).astype(np.float32), squares
+    margin = (1 - board.marker_ratio) / 2
+    on_square = (margin + board.marker_ratio * _UNIT_SQUARE).astype(np.float32)
+    # The markers stand in the light squares; the first point is the lower right of the first one.
     squares = [
-        (column, row)
-        for row in range(board.rows)
-        for column in range(board.columns)
-        if (column + row) % 2 == 1
+        (column - 1, row - 1) for row in rows for column in columns if (column + row) % 2 == 1
     ]
-    return squares[number] if number < len(squares) else None
+    return on_square, squares
 
 
 def _flat_views(
@@ -124,7 +130,7 @@ def _flat_views(
     side = round(2.2 * focal_px * np.tan(_FLAT_HALF_ANGLE_RAD)) | 1
     middle = (side - 1) / 2
     flat_focal_px = side / 2 / np.tan(_FLAT_HALF_ANGLE_RAD)
-    views = []
+    views: list[tuple[NDArray[np.uint8], Callable[[Array], Array]]] = []
     for tilt in [(0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]:
         rotation = cv2.Rodrigues(_FLAT_TILT_RAD * np.array([*tilt, 0.0]))[0]
 

@@ -27,7 +27,7 @@ _LEAST_PX = 2.5
 _FLOOR_PX = 0.005
 """What no window is better than: the lens's blur is not Gaussian, nor even on both sides."""
 
-_LARGEST_PX = 0.5
+_LARGEST_PX = 0.25
 """Standard deviation of what is no longer a measurement."""
 
 _FIRST_BLUR_PX = 0.8
