@@ -24,7 +24,6 @@ from capture.errors import InputError
 DECODERS = {
     "exr": "capture.exr_decoding:decode",
     "raw": "capture.raw_decoding:decode",
-    "raw header": "capture.raw_decoding:decode_header",
 }
 """What can be decoded, and the function (path) → (facts, arrays) that does it. Its module is
 imported only here: these are the parsers that are kept away from everything else."""

@@ -63,12 +63,12 @@ def read_exif(path: Path) -> Exif:
             tags = exifread.process_file(file, details=False)
     except Exception:  # the parser trusts offsets in the file, and fails in any way on damaged ones
         return Exif()
-    iso = _positive(tags, "EXIF ISOSpeedRatings")
-    orientation = _positive(tags, "Image Orientation") or 1
+    iso = _positive(tags, "ISOSpeedRatings")
+    orientation = _positive(tags, "Orientation") or 1
     return Exif(
-        time_s=_positive(tags, "EXIF ExposureTime"),
+        time_s=_positive(tags, "ExposureTime"),
         gain=None if iso is None else iso / 100,
-        f_number=_positive(tags, "EXIF FNumber"),
+        f_number=_positive(tags, "FNumber"),
         timestamp_s=_timestamp(tags),
         camera=_camera(tags),
         lens=_text(tags, "EXIF LensModel"),
@@ -77,11 +77,15 @@ def read_exif(path: Path) -> Exif:
 
 
 def _positive(tags: dict[str, Any], name: str) -> float | None:
-    try:
-        value = float(tags[name].values[0])
-    except (KeyError, IndexError, TypeError, ValueError, ZeroDivisionError, OverflowError):
-        return None
-    return value if math.isfinite(value) and value > 0 else None
+    """Return a number of EXIF's directory, or of the picture's own, where TIFF/EP has it."""
+    for directory in ("EXIF", "Image"):
+        try:
+            value = float(tags[f"{directory} {name}"].values[0])
+        except (KeyError, IndexError, TypeError, ValueError, ZeroDivisionError, OverflowError):
+            continue
+        if math.isfinite(value) and value > 0:
+            return value
+    return None
 
 
 def _text(tags: dict[str, Any], name: str) -> str:

@@ -16,7 +16,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from capture.camera_files import read_counts
+from capture.camera_files import read_camera_file
 from capture.errors import InputError
 from capture.exposure_check import exposure_warning
 from capture.files import read_bytes
@@ -196,15 +196,15 @@ def _check_pixels(
 
 def _decode(photographs: Sequence[Photograph], position: int) -> tuple[Bracket, Sensor]:
     """Return one bracket and its sensor, after its frames were found to fit together."""
-    frames, sensors = [], []
-    for index, photograph in enumerate(photographs):
-        counts, sensor, clipped = read_counts(photograph.path)
-        frames.append(Frame(counts, photograph.exposure, photograph.timestamp_s, index, clipped))
-        sensors.append(sensor)
+    files = [read_camera_file(photograph.path) for photograph in photographs]
+    frames = [
+        Frame(file.counts, photograph.exposure, photograph.timestamp_s, index, file.clipped)
+        for index, (file, photograph) in enumerate(zip(files, photographs, strict=True))
+    ]
     paths = [photograph.path for photograph in photographs]
     check_alike("size", paths, [_kind(frame) for frame in frames])
     _check_repeats(frames, paths)
-    return Bracket(tuple(frames), position), sensors[0]
+    return Bracket(tuple(frames), position), files[0].sensor()
 
 
 def _check_repeats(frames: Sequence[Frame], paths: Sequence[Path]) -> None:

@@ -162,6 +162,8 @@ def _thumbnail(counts: NDArray[Any], sensor: Sensor, size_px: tuple[int, int]) -
         linear = finite / max(float(np.percentile(finite, 99)), 1e-30)
     else:
         linear = sensor.linear_table()[small, np.arange(3)]
+        if sensor.colour_matrix is not None:
+            linear = cv2.transform(linear, sensor.colour_matrix)
     return np.rint(255 * srgb_encode(np.clip(linear, 0, 1))).astype(np.uint8)
 
 

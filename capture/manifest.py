@@ -52,6 +52,7 @@ class SensorRecord(msgspec.Struct, frozen=True):
     read_noise_e: Annotated[float, msgspec.Meta(ge=0)]
     source: str = ""
     response_deviation: list[_Row] | None = None
+    colour_matrix: Annotated[list[_Row], msgspec.Meta(min_length=3, max_length=3)] | None = None
 
 
 class FrameRecord(msgspec.Struct, frozen=True):
@@ -146,6 +147,7 @@ def sensor_record(sensor: Sensor) -> SensorRecord:
         response_deviation=(
             None if sensor.response_deviation is None else _rows(sensor.response_deviation)
         ),
+        colour_matrix=None if sensor.colour_matrix is None else _rows(sensor.colour_matrix),
     )
 
 
@@ -170,6 +172,9 @@ def sensor_of(record: SensorRecord) -> Sensor:
                 None
                 if record.response_deviation is None
                 else np.array(record.response_deviation, np.float64).reshape(-1, 3)
+            ),
+            colour_matrix=(
+                None if record.colour_matrix is None else np.array(record.colour_matrix, np.float64)
             ),
         )
     except ValueError as error:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.frame import Bracket, Frame
+from capture.merge_colours import in_colours
 from capture.merge_kernel import merge_counts
 from capture.picture_memory import PictureMemory
 from capture.radiance import RadianceImage, clean_radiance
@@ -62,6 +63,9 @@ def merge_bracket(
     Float counts are linear and have no noise model: their radiance is Σ y_k / Σ light_k, cleaned by
     `clean_radiance`, with variance 0, clipped where a frame says so.
 
+    All this is done in the camera's own channels; capture.merge_colours then makes the sensor's
+    primaries of them.
+
     Parameters
     ----------
     bracket : Bracket
@@ -80,7 +84,7 @@ def merge_bracket(
     """
     frames = bracket.by_signal()
     if frames[0].counts.dtype == np.float32:
-        return _average(frames)
+        return in_colours(_average(frames), sensor)
     sensor.check_counts(frames[0].counts.dtype)
     picture = (memory or PictureMemory()).arrays(frames[0].size_px)
     picture.valid[:] = True
@@ -101,7 +105,7 @@ def merge_bracket(
         picture.variance.reshape(-1),
         picture.clipped.reshape(-1),
     )
-    return RadianceImage(*picture)
+    return in_colours(RadianceImage(*picture), sensor, 1.0 / frames[0].exposure.signal)
 
 
 def _average(frames: Sequence[Frame]) -> RadianceImage:

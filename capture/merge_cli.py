@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 from capture.arguments import Output, WholeNumber, parse_exposures, size_text, tell
 from capture.errors import InputError
@@ -13,7 +14,7 @@ from capture.merge import merge_bracket
 from capture.output import refuse_existing
 from capture.radiance_files import write_radiance
 from capture.recording import open_recording
-from capture.sensor import Sensor
+from capture.sensor import Sensor, in_primaries
 
 
 def merge(
@@ -21,6 +22,7 @@ def merge(
     output: Output,
     exposures: str | None = None,
     bracket: WholeNumber = 0,
+    primaries: Literal["rec709", "rec2020", "acescg"] = "rec709",
     force: bool = False,
 ) -> None:
     """Merge one bracket to linear radiance.
@@ -36,14 +38,17 @@ def merge(
         Exposure times in seconds, as for `import`; not for a recording.
     bracket
         Which bracket, from 0.
+    primaries
+        What the output's red, green and blue are; it names them. Rec.709 cuts off the most
+        saturated colours of RAW files.
     force
         Replace the output if it exists.
     """
     refuse_existing(output, force=force)
     times_s = None if exposures is None else parse_exposures(exposures)
     chosen, sensor, notes = _read_bracket(sources, times_s, bracket)
-    image = merge_bracket(chosen, sensor)
-    write_radiance(output, image, force=force)
+    image = merge_bracket(chosen, in_primaries(sensor, primaries))
+    write_radiance(output, image, comments=f"sensor: {sensor.source}", force=force)
     tell((f"sensor: {sensor.source}", *notes))
     print(
         f"{output}: {size_text(image.size_px)} from {len(chosen.frames)} exposures, "

@@ -10,6 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 REC709 = np.array([[0.640, 0.330], [0.300, 0.600], [0.150, 0.060], [0.3127, 0.3290]])
 """CIE xy of red, green, blue and white (ITU-R BT.709-6, item 1)."""
 
+PRIMARIES = {
+    "rec709": REC709,
+    "rec2020": np.array([[0.708, 0.292], [0.170, 0.797], [0.131, 0.046], [0.3127, 0.3290]]),
+    "acescg": np.array([[0.713, 0.293], [0.165, 0.830], [0.128, 0.044], [0.32168, 0.33767]]),
+}
+"""Primaries that radiance can be written in: CIE xy as of REC709 (ITU-R BT.2020-2; Academy
+S-2014-004)."""
+
 
 def rgb_to_xyz(chromaticities: ArrayLike) -> NDArray[np.float64]:
     """Return the matrix from linear RGB to XYZ, in which RGB (1, 1, 1) has Y = 1.
@@ -43,6 +51,19 @@ def to_rec709(chromaticities: ArrayLike) -> NDArray[np.float64]:
         for name, xy in (("file", _checked(chromaticities)), ("Rec.709", REC709))
     )
     return np.asarray(matrix_RGB_to_RGB(source, target, "Bradford"), np.float64)
+
+
+def adaptation(white: ArrayLike, wanted_white: ArrayLike) -> NDArray[np.float64]:
+    """Return the Bradford transform of XYZ under one white, CIE xy (2,), to XYZ under another."""
+    from colour import xy_to_XYZ
+    from colour.adaptation import matrix_chromatic_adaptation_VonKries
+
+    return np.asarray(
+        matrix_chromatic_adaptation_VonKries(
+            xy_to_XYZ(white), xy_to_XYZ(wanted_white), transform="Bradford"
+        ),
+        np.float64,
+    )
 
 
 def are_rec709(chromaticities: ArrayLike) -> bool:

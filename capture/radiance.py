@@ -15,7 +15,7 @@ _INFINITY_BITS = np.float32(np.inf).view(np.uint32)
 
 @dataclass(frozen=True, eq=False)
 class RadianceImage:
-    """Linear Rec.709 radiance of a camera picture.
+    """Linear radiance of a camera picture.
 
     Attributes
     ----------
@@ -29,6 +29,8 @@ class RadianceImage:
         True where even the shortest exposure was full in some channel.
     scale : str
         "relative", or the unit after an absolute calibration.
+    primaries : str
+        Key of capture.primaries.PRIMARIES. All but files of radiance are "rec709".
     """
 
     radiance: NDArray[np.float32]
@@ -36,6 +38,7 @@ class RadianceImage:
     valid: NDArray[np.bool_]
     clipped: NDArray[np.bool_]
     scale: str = RELATIVE
+    primaries: str = "rec709"
 
     def __post_init__(self) -> None:
         radiance = read_only("radiance", self.radiance, np.float32, (None, None, 3))

@@ -1,7 +1,8 @@
 """Radiance on disk: OpenEXR and Radiance .hdr files of this program and of others.
 
 Input  : .exr with R, G, B (or Y), of any primaries; .hdr in any orientation.
-Output : linear Rec.709, with the marks (valid, clipped, variance) that came along.
+Output : linear Rec.709, with the marks (valid, clipped, variance) that came along. Written are also
+         other primaries, which the file then names.
 In an EXR file the marks are the channels `valid` and `clipped`, 0 or 1, and `variance.R`, `.G` and
 `.B`; the attribute `radianceScale` names the unit. Other programs show the colours and pass over
 the rest.
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 
 from capture.errors import InputError
 from capture.exr import read_exr, write_exr
-from capture.primaries import REC709, are_rec709, to_rec709
+from capture.primaries import PRIMARIES, REC709, are_rec709, to_rec709
 from capture.radiance import RELATIVE, Cleaned, RadianceImage, clean_radiance
 from capture.radiance_hdr import read_radiance_hdr, write_radiance_hdr
 
@@ -85,10 +86,13 @@ def write_hdr(
     clipped: NDArray[np.bool_] | None = None,
     variance: NDArray[np.floating] | None = None,
     scale: str = RELATIVE,
+    primaries: str = "rec709",
     attributes: Mapping[str, Any] | None = None,
     force: bool = True,
 ) -> None:
-    """Write linear Rec.709, (H, W, 3), and its marks to an .exr or .hdr file.
+    """Write linear RGB, (H, W, 3), and its marks to an .exr or .hdr file.
+
+    The file names the primaries, a key of capture.primaries.PRIMARIES, by their chromaticities.
 
     A .hdr file holds the colours only: marks, variance, scale and attributes are lost, and NaN,
     infinite or negative values are refused (ValueError).
@@ -100,7 +104,7 @@ def write_hdr(
     """
     suffix = path.suffix.lower()
     if suffix == ".hdr":
-        write_radiance_hdr(path, rgb, force=force)
+        write_radiance_hdr(path, rgb, primaries, force=force)
         return
     if suffix != ".exr":
         raise _unknown_suffix(path)
@@ -112,7 +116,7 @@ def write_hdr(
     }
     if variance is not None:
         channels |= dict(zip(_VARIANCE, np.moveaxis(variance, -1, 0), strict=True))
-    chromaticities = tuple(map(float, REC709.ravel()))
+    chromaticities = tuple(map(float, PRIMARIES[primaries].ravel()))
     header = {**(attributes or {}), "chromaticities": chromaticities, _SCALE: scale}
     write_exr(path, channels, header, force=force)
 
@@ -136,8 +140,13 @@ def read_radiance(path: Path) -> tuple[RadianceImage, Cleaned]:
     return RadianceImage(radiance, variance, valid, clipped, picture.scale), cleaned
 
 
-def write_radiance(path: Path, image: RadianceImage, *, force: bool = True) -> None:
-    """Write radiance with all its marks to an .exr file, or its colours to a .hdr file."""
+def write_radiance(
+    path: Path, image: RadianceImage, *, comments: str = "", force: bool = True
+) -> None:
+    """Write radiance with all its marks to an .exr file, or its colours to a .hdr file.
+
+    `comments` are OpenEXR's attribute of that name: where the numbers come from.
+    """
     write_hdr(
         path,
         image.radiance,
@@ -145,6 +154,8 @@ def write_radiance(path: Path, image: RadianceImage, *, force: bool = True) -> N
         clipped=image.clipped,
         variance=image.variance,
         scale=image.scale,
+        primaries=image.primaries,
+        attributes={"comments": comments} if comments else None,
         force=force,
     )
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from capture.errors import UnreadableFrame
 from capture.files import check_size, read_bytes
 from capture.output import replacing
-from capture.primaries import REC709, rgb_to_xyz
+from capture.primaries import PRIMARIES, REC709, rgb_to_xyz
 
 _MAGIC = (b"#?RADIANCE", b"#?RGBE")
 _MAX_HEADER_BYTES = 2**16
@@ -81,8 +81,12 @@ def read_radiance_hdr(path: Path) -> tuple[NDArray[np.float32], dict[str, str]]:
     return np.ascontiguousarray(picture), layout.header
 
 
-def write_radiance_hdr(path: Path, rgb: NDArray[np.floating], *, force: bool = True) -> None:
-    """Write linear Rec.709, (H, W, 3), finite and not negative; mantissas are rounded.
+def write_radiance_hdr(
+    path: Path, rgb: NDArray[np.floating], primaries: str = "rec709", *, force: bool = True
+) -> None:
+    """Write linear RGB, (H, W, 3), finite and not negative; mantissas are rounded.
+
+    `primaries` is a key of capture.primaries.PRIMARIES.
 
     Raises
     ------
@@ -94,10 +98,9 @@ def write_radiance_hdr(path: Path, rgb: NDArray[np.floating], *, force: bool = T
     if not (rgb.min(initial=0) >= 0 and rgb.max(initial=0) <= 2.0**126):
         raise ValueError("radiance must be finite, at least 0 and at most 2^126")
     height, width = rgb.shape[:2]
-    primaries = " ".join(f"{value:g}" for value in REC709.ravel())
-    header = (
-        f"#?RADIANCE\nPRIMARIES={primaries}\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n"
-    )
+    chromaticities = " ".join(f"{value:g}" for value in PRIMARIES[primaries].ravel())
+    lines = ("#?RADIANCE", f"PRIMARIES={chromaticities}", "FORMAT=32-bit_rle_rgbe", "")
+    header = "\n".join((*lines, f"-Y {height} +X {width}\n"))
     with replacing(path, force=force) as partial:
         # Plain pixels are legal and unambiguous: a run starts with bytes 2 2 or 1 1 1, while the
         # largest mantissa of a pixel is at least 128.

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import msgspec
 
-from capture.camera_files import read_counts
+from capture.camera_files import read_camera_file
 from capture.errors import InputError, UnreadableFrame
 from capture.files import read_bytes
 from capture.frame import Bracket, Exposure, Frame
@@ -28,6 +28,7 @@ from capture.manifest import (
     read_manifest,
     sensor_of,
 )
+from capture.raw import BLACK_DN, RAW_SUFFIXES, WHITE_DN
 from capture.sensor import Sensor
 
 _DECODERS = 4
@@ -117,10 +118,10 @@ class Recording:
                     f"{path}: the SHA-256 differs from {MANIFEST_NAME}; the file was changed or "
                     "damaged after it was recorded"
                 )
-            counts, _, clipped = read_counts(path)
+            file = read_camera_file(path)
         except InputError as error:
             raise UnreadableFrame(str(error)) from None
-        size_px = (counts.shape[1], counts.shape[0])
+        size_px = (file.counts.shape[1], file.counts.shape[0])
         for wanted, owner in (
             (record.size_px, "is recorded for it"),
             (self.size_px, "others have"),
@@ -130,7 +131,7 @@ class Recording:
                     f"{path} has {size_px[0]}×{size_px[1]} px, {wanted[0]}×{wanted[1]} {owner}"
                 )
         exposure = Exposure(record.time_s, record.gain, record.f_number)
-        return Frame(counts, exposure, record.timestamp_s, record.index, clipped)
+        return Frame(file.counts, exposure, record.timestamp_s, record.index, file.clipped)
 
 
 def open_recording(folder: Path) -> Recording:
@@ -153,6 +154,13 @@ def open_recording(folder: Path) -> Recording:
         sensor = sensor_of(manifest.sensor)
     except InputError as error:
         raise InputError(f"{folder / MANIFEST_NAME}: {error}") from None
+    if any(Path(frame.file).suffix.lower() in RAW_SUFFIXES for frame in frames) and (
+        (sensor.black_dn, sensor.white_dn) != (BLACK_DN, WHITE_DN)
+    ):
+        raise InputError(
+            f"{folder}: RAW files whose sensor is black at {sensor.black_dn:g} and white at "
+            f"{sensor.white_dn:g}, as an earlier fishlight read them; import them again"
+        )
     return Recording(folder, manifest, sensor, calibration_path, brackets, raised_count)
 
 

@@ -5,7 +5,7 @@ Fails  : where the response is assumed rather than measured: a camera's JPEG cur
          sRGB by up to a stop near white, and radiance is then off by as much.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -14,6 +14,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from capture.arrays import read_only
 from capture.errors import InputError
+from capture.primaries import PRIMARIES, to_rec709
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +38,11 @@ class Sensor:
         Where the numbers come from ("assumed sRGB", "DNG header", ...), shown to the user.
     response_deviation : (white_dn + 1, 3) float64, or None
         Standard deviation of `response` where it was estimated; None takes it for exact.
+    colour_matrix : (3, 3) float64, or None
+        Linear Rec.709 (or RGB of the primaries that `in_primaries` chose) of linear values of the
+        three channels; None takes these for Rec.709.
+    primaries : str
+        Key of capture.primaries.PRIMARIES: what radiance becomes.
     """
 
     black_dn: float
@@ -47,6 +53,8 @@ class Sensor:
     read_noise_e: float = 4.0
     source: str = "assumed linear"
     response_deviation: NDArray[np.float64] | None = None
+    colour_matrix: NDArray[np.float64] | None = None
+    primaries: str = "rec709"
 
     def __post_init__(self) -> None:
         if not 0 <= self.black_dn < self.white_dn:
@@ -73,6 +81,11 @@ class Sensor:
             if not np.all(np.isfinite(deviation)) or np.any(deviation < 0):
                 raise ValueError("response_deviation must be finite and not negative")
             object.__setattr__(self, "response_deviation", deviation)
+        if self.colour_matrix is not None:
+            matrix = read_only("colour_matrix", self.colour_matrix, np.float64, (3, 3))
+            if not np.all(np.isfinite(matrix)) or np.linalg.cond(matrix) > 1e6:
+                raise ValueError("colour_matrix must be finite and invertible")
+            object.__setattr__(self, "colour_matrix", matrix)
 
     def check_counts(self, dtype: DTypeLike) -> None:
         """Raise InputError if integer counts of `dtype` cannot be this sensor's.
@@ -121,6 +134,25 @@ class Sensor:
         electrons = self.full_well_e / gain
         photons = np.maximum(self.linear_table(), 0) / electrons
         return photons + (self.read_noise_e / electrons) ** 2 + self.step_variance_table()
+
+
+def in_primaries(sensor: Sensor, name: str) -> Sensor:
+    """Return the sensor whose radiance is linear RGB of these primaries.
+
+    Raises
+    ------
+    InputError
+        If `name` is no key of capture.primaries.PRIMARIES.
+    """
+    if name not in PRIMARIES:
+        raise InputError(f"primaries {name!r} are not known; wanted {', '.join(PRIMARIES)}")
+    if name == sensor.primaries:
+        return sensor
+    old, new = (to_rec709(PRIMARIES[each]) for each in (sensor.primaries, name))
+    matrix = np.linalg.solve(new, old)
+    if sensor.colour_matrix is not None:
+        matrix = matrix @ sensor.colour_matrix
+    return replace(sensor, colour_matrix=matrix, primaries=name)
 
 
 def srgb_decode(value: NDArray[Any]) -> NDArray[np.float64]:

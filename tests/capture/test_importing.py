@@ -209,7 +209,7 @@ def test_a_video_that_cannot_be_read_leaves_nothing(tmp_path):
 
 def test_an_existing_output_is_refused_before_the_work(tmp_path, monkeypatch):
     import_sources(write_bracket(tmp_path / "photos"), tmp_path / "r")
-    monkeypatch.setattr("capture.importing.read_counts", None)  # decoding would be an error
+    monkeypatch.setattr("capture.importing.read_camera_file", None)  # decoding would be an error
     with pytest.raises(InputError, match="--force"):
         import_sources([tmp_path / "photos"], tmp_path / "r")
 
