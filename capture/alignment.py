@@ -46,8 +46,6 @@ _FOUND_PX = 2**21
 
 _LARGEST_NOISE = 0.1
 _LARGEST_VALUE = 0.9
-_LEAST_RANGE = 2.0
-"""Two frames that see less than a stop in common are not compared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,15 +162,13 @@ def _found(
         pairwise(frames), pairwise(pictures), strict=True
     ):
         low, high = _common_range(darker, brighter, sensor)
-        found = None
-        if high > _LEAST_RANGE * low:
-            found = register(
-                _logarithm(dark / darker.exposure.signal, low, high),
-                _logarithm(bright / brighter.exposure.signal, low, high),
-                use,
-            )
-        is_certain = found is not None and _is_certain(found)
-        if found is not None and is_certain:
+        found = register(
+            _logarithm(dark / darker.exposure.signal, low, high),
+            _logarithm(bright / brighter.exposure.signal, low, high),
+            use,
+        )
+        is_certain = _is_certain(found)
+        if is_certain:
             motion = _full_size(found.motion, step) @ motion
             variance_px2 += (found.deviation_px * step) ** 2
         alignment = _alignment(brighter, motion, math.sqrt(variance_px2), is_certain=is_certain)
@@ -182,7 +178,10 @@ def _found(
 
 
 def _common_range(darker: Frame, brighter: Frame, sensor: Sensor) -> tuple[float, float]:
-    """Return the least and the largest radiance that both frames measure in all channels."""
+    """Return the least and the largest radiance that both frames measure in all channels.
+
+    Where they measure none in common the largest is the lesser, and what is held by it is flat.
+    """
     least, most = measured_range(sensor, darker.exposure.gain, _LARGEST_NOISE)
     return least / darker.exposure.signal, _LARGEST_VALUE * most / brighter.exposure.signal
 

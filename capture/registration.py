@@ -37,6 +37,10 @@ _TUKEY = 4.685
 _ALIKE_PX = 4 * math.pi * _BLUR_PX**2
 """Pixels that share one independent residual after the blur."""
 
+_NOISE_SLOPE = 0.5
+"""Squared slope of noise alone, where slopes are chosen for being steep, in variances of the
+residual. It is no information: stripes tell nothing of a motion along them, however noisy."""
+
 _FEWEST_PX = 100
 
 Motion = NDArray[np.float64]
@@ -190,8 +194,13 @@ def _refined(reference: Plane, picture: Plane, use: Mask, motion: Motion) -> Reg
         motion = motion @ rigid_motion((step[0], step[1]), step[2] / radius_px, (width, height))
         if np.abs(step[:3]).max() < _SMALL_STEP_PX:
             break
-    variance = float(weight @ residual**2 / weight.sum()) * _ALIKE_PX
-    deviation_px = math.sqrt(variance * np.trace(inverse[:3, :3]))
+    variance = float(weight @ residual**2 / weight.sum())
+    spread = np.hypot(x_px, y_px) / radius_px
+    noise = np.array([weight.sum(), weight.sum(), weight @ spread**2, 0, 0])
+    true = normal - np.diag(_NOISE_SLOPE * variance * noise)
+    if np.linalg.eigvalsh(true).min() <= 0:
+        return Registration(motion, np.inf, 0.0)
+    deviation_px = math.sqrt(_ALIKE_PX * variance * np.trace(np.linalg.inv(true)[:3, :3]))
     return Registration(motion, deviation_px, _correlation(before, moved[at]))
 
 

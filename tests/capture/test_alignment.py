@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from capture.alignment import LARGEST_SHIFT, align_bracket
+from capture.alignment import LARGEST_SHIFT, _full_size, align_bracket
 from capture.errors import InputError
 from capture.exif import read_exif
 from capture.frame import Bracket, Exposure, Frame
@@ -25,11 +25,11 @@ both_sensors = pytest.mark.parametrize(
 )
 
 
-def scene(seed=0):
+def scene(seed=0, grain_px=4.0):
     """Radiance with a margin, five decades smooth over some pixels."""
     shape = (HEIGHT + 2 * MARGIN_PX, WIDTH + 2 * MARGIN_PX)
     noise = np.random.default_rng(seed).normal(0, 1, shape)
-    smooth = cv2.GaussianBlur(noise, (0, 0), 4)
+    smooth = cv2.GaussianBlur(noise, (0, 0), grain_px)
     grey = np.exp(2.0 * smooth / smooth.std() - 1)
     return grey[..., None] * np.array([1.0, 0.8, 0.6])
 
@@ -199,6 +199,34 @@ def test_no_motion_is_made_up_where_frames_have_nothing_in_common():
     aligned = align_bracket(apart, SRGB_8_BIT)
     assert aligned.bracket is apart
     assert not aligned.alignments[1].is_certain
+    stripes = scene()
+    stripes[:] = stripes[100]  # they tell nothing of a motion along them
+    striped = align_bracket(hand_held(stripes, MOTIONS, LINEAR_16_BIT), LINEAR_16_BIT)
+    assert not striped.alignments[1].is_certain
+    first, second = (
+        hand_held(scene(seed, 1.5), MOTIONS[:2], SRGB_8_BIT, TIMES_S[:2]).frames[seed]
+        for seed in range(2)
+    )
+    assert not align_bracket(Bracket((first, second)), SRGB_8_BIT).alignments[1].is_certain
+
+
+def test_a_motion_of_reduced_pictures_grows_about_the_same_middle():
+    small = rigid_motion((1.0, -2.0), 0.1, (WIDTH // 4, HEIGHT // 4))
+    np.testing.assert_allclose(
+        _full_size(small, 4), rigid_motion((4.0, -8.0), 0.1, (WIDTH, HEIGHT)), atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("most_px", [2**21, 2**14], ids=["full size", "reduced"])
+def test_motions_follow_one_another(monkeypatch, most_px):
+    # A turn and then a shift: in the other order they differ by 0.3 px.
+    monkeypatch.setattr("capture.alignment._FOUND_PX", most_px)
+    motions = [((0.0, 0.0), 0.0), ((0.0, 0.0), 0.05), ((5.0, 6.0), 0.05)]
+    aligned = align_bracket(hand_held(scene(), motions, LINEAR_16_BIT), LINEAR_16_BIT)
+    for found, (shift_px, rotation_rad) in zip(aligned.alignments, motions, strict=True):
+        true = rigid_motion(shift_px, rotation_rad, (WIDTH, HEIGHT))
+        corner = np.array([WIDTH - 1, HEIGHT - 1, 1])
+        np.testing.assert_allclose(found.motion @ corner, true @ corner, atol=0.1)
 
 
 def test_the_black_round_a_fisheye_does_not_hold_the_picture():
