@@ -149,7 +149,7 @@ def in_primaries(sensor: Sensor, name: str) -> Sensor:
     if name == sensor.primaries:
         return sensor
     old, new = (to_rec709(PRIMARIES[each]) for each in (sensor.primaries, name))
-    matrix = np.linalg.solve(new, old)
+    matrix = np.asarray(np.linalg.solve(new, old), np.float64)
     if sensor.colour_matrix is not None:
         matrix = matrix @ sensor.colour_matrix
     return replace(sensor, colour_matrix=matrix, primaries=name)
