@@ -13,12 +13,8 @@ from numpy.typing import NDArray
 
 from calibration.camera import Calibration
 from lighting.latlong import cell_directions, direction_to_grid
-from lighting.pixel_grid import pixel_corners, pixel_illumination
+from lighting.pixel_grid import pixel_corners, pixel_illumination, strip_order
 from lighting.pixel_moments import pixel_moments
-
-_STRIP_ROWS = 16
-"""Blocks are visited in strips of the picture this high, from left to right: their pixels then come
-from few lines of memory at a time. In the order of the sphere it takes more than twice as long."""
 
 
 class Entries(NamedTuple):
@@ -67,8 +63,7 @@ def block_entries(calibration: Calibration, rows: int, first_row: int, last_row:
     blocks, firsts, place, counts = np.unique(
         block, return_index=True, return_inverse=True, return_counts=True
     )
-    first_row_px, first_column_px = np.divmod(pixels[firsts], seen.shape[1])
-    visits = np.lexsort((first_row_px, first_column_px, first_row_px // _STRIP_ROWS))
+    visits = strip_order(pixels[firsts], seen.shape[1])
     rank = np.empty(len(visits), np.int64)
     rank[visits] = np.arange(len(visits))
     order = np.argsort(rank[place], kind="stable")

@@ -5,6 +5,8 @@ bands.
 Input  : the Calibration of the camera.    Output : plain arrays.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +14,8 @@ from calibration.camera import Calibration
 
 _RIM_HALVINGS = 12
 """Of the way from a corner without a direction to the nearest that has one."""
+_STRIP_ROWS = 16
+"""Rows of a strip of the picture, see `strip_order`."""
 
 
 def pixel_corners(
@@ -51,6 +55,16 @@ def pixel_illumination(
     directions, seen = calibration.unproject(pixels)
     illumination = calibration.relative_illumination(calibration.axis_angle(directions))
     return np.where(seen, illumination, 1.0).astype(np.float32).ravel()
+
+
+def strip_order(first_pixels: NDArray[np.integer[Any]], width_px: int) -> NDArray[np.int64]:
+    """Return in which order cells are best visited, given a pixel of each (n,) by flat index.
+
+    In strips of the picture, from left to right: their pixels then come from few lines of memory at
+    a time. In the order of the sphere it takes twice as long.
+    """
+    row, column = np.divmod(first_pixels.astype(np.int64), width_px)
+    return np.lexsort((row, column, row // _STRIP_ROWS))
 
 
 def _sum_at_corners(values: NDArray[np.float64]) -> NDArray[np.float64]:

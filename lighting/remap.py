@@ -23,7 +23,7 @@ from capture.radiance import RadianceImage
 from lighting.environment import EnvironmentMap
 from lighting.footprint import BAND_PARTS, add_band, count_entries, fill_entries, row_balance
 from lighting.latlong import solid_angles
-from lighting.pixel_grid import pixel_corners, pixel_illumination
+from lighting.pixel_grid import pixel_corners, pixel_illumination, strip_order
 
 _FULL = 0.8
 """Share of a cell that pixels must cover for it to be taken as covered whole: below it the cell
@@ -48,8 +48,10 @@ class Remap:
         N of the N × 2N map.
     image_size_px : (int, int)
         (width, height) of the pictures it takes.
-    starts : (2N² + 1,) int64
-        Entries starts[i] … starts[i + 1] belong to the flat cell i.
+    cells : (C,) int64
+        Flat indices of the cells that pixels cover, in the order they are best visited.
+    starts : (C + 1,) int64
+        Entries starts[i] … starts[i + 1] belong to cells[i].
     pixels : (E,) uint32
         Flat pixel index of each entry.
     weights : (E,) float32
@@ -62,6 +64,7 @@ class Remap:
 
     height: int
     image_size_px: tuple[int, int]
+    cells: NDArray[np.int64]
     starts: NDArray[np.int64]
     pixels: NDArray[np.uint32]
     weights: NDArray[np.float32]
@@ -89,12 +92,14 @@ def build_remap(calibration: Calibration, height: int) -> Remap:
     illumination = pixel_illumination(calibration, 0, calibration.image_size_px[1])
     if illumination.size:
         weights /= illumination[pixels]
+    cells, ordered_starts, order = _visits(starts, pixels, calibration.image_size_px[0])
     return Remap(
         height=height,
         image_size_px=calibration.image_size_px,
-        starts=starts,
-        pixels=pixels,
-        weights=weights,
+        cells=cells,
+        starts=ordered_starts,
+        pixels=pixels[order],
+        weights=weights[order],
         coverage=coverage.reshape(height, 2 * height),
         illumination=illumination,
     )
@@ -120,13 +125,19 @@ def apply_remap(remap: Remap, image: RadianceImage) -> EnvironmentMap:
     pixels = image.radiance.reshape(-1, 3)
     tasks = np.searchsorted(remap.starts, np.linspace(0, remap.starts[-1], _TASKS + 1)[1:-1])
     tasks = np.concatenate([[0], tasks, [remap.starts.size - 1]])
-    enough = remap.coverage.ravel() >= _HALF
+    # numpy asks for huge pages, numba does not, and its fresh pages take as long as some products.
+    radiance = np.zeros((remap.coverage.size, 3), np.float32)
+    clipped = np.zeros(remap.coverage.size, np.bool_)
     if image.valid.all() and not image.clipped.any():
-        radiance = _product(tasks, remap.starts, remap.pixels, remap.weights, enough, pixels)
-        valid, clipped = enough, np.zeros(enough.size, np.bool_)
+        valid = remap.coverage.ravel() >= _HALF
+        _fill_cells(
+            tasks, remap.cells, remap.starts, remap.pixels, remap.weights, valid, pixels, radiance
+        )
     else:
-        radiance, valid, clipped = _marked_product(
+        valid = np.zeros(remap.coverage.size, np.bool_)
+        _fill_marked_cells(
             tasks,
+            remap.cells,
             remap.starts,
             remap.pixels,
             remap.weights,
@@ -135,6 +146,9 @@ def apply_remap(remap: Remap, image: RadianceImage) -> EnvironmentMap:
             pixels,
             image.valid.ravel(),
             image.clipped.ravel(),
+            radiance,
+            valid,
+            clipped,
         )
     return EnvironmentMap(
         radiance.reshape(*shape, 3), valid.reshape(shape), clipped.reshape(shape), image.scale
@@ -227,37 +241,61 @@ def _balance(starts, pixels, masses, pixel_sr, cell_sr):  # type: ignore[no-unty
     return weights, coverage
 
 
+def _visits(
+    starts: NDArray[np.int64], pixels: NDArray[np.uint32], width_px: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the cells (C,) that have entries, in strips of the picture, and the order for entries.
+
+    With the cells come the starts (C + 1,) of their entries once those are in the order (E,).
+    """
+    counts = np.diff(starts)
+    cells = np.flatnonzero(counts)
+    cells = cells[strip_order(pixels[starts[cells]], width_px)]
+    ordered_starts = np.concatenate([[0], np.cumsum(counts[cells])])
+    shift = np.repeat(starts[cells] - ordered_starts[:-1], counts[cells])
+    return cells, ordered_starts, shift + np.arange(starts[-1])
+
+
 @njit(cache=True, nogil=True, parallel=True, fastmath={"contract"})
-def _product(tasks, starts, pixels, weights, wanted, radiance):  # type: ignore[no-untyped-def]
-    """Return the radiance (2N², 3) of the wanted cells; 0 in the others."""
-    result = np.zeros((len(starts) - 1, 3), np.float32)
+def _fill_cells(tasks, cells, starts, pixels, weights, wanted, radiance, result):  # type: ignore[no-untyped-def]
+    """Fill the radiance (2N², 3) of the wanted cells."""
     for task in prange(len(tasks) - 1):
         for i in range(tasks[task], tasks[task + 1]):
-            if wanted[i]:
+            cell = cells[i]
+            if wanted[cell]:
                 red = green = blue = 0.0
                 for k in range(starts[i], starts[i + 1]):
                     p, weight = pixels[k], np.float64(weights[k])
                     red += weight * radiance[p, 0]
                     green += weight * radiance[p, 1]
                     blue += weight * radiance[p, 2]
-                result[i, 0] = red
-                result[i, 1] = green
-                result[i, 2] = blue
-    return result
+                result[cell, 0] = red
+                result[cell, 1] = green
+                result[cell, 2] = blue
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def _marked_product(  # type: ignore[no-untyped-def]
-    tasks, starts, pixels, weights, coverage, illumination, radiance, pixel_valid, pixel_clipped
+def _fill_marked_cells(  # type: ignore[no-untyped-def]
+    tasks,
+    cells,
+    starts,
+    pixels,
+    weights,
+    coverage,
+    illumination,
+    radiance,
+    pixel_valid,
+    pixel_clipped,
+    result,
+    valid,
+    clipped,
 ):
-    """Return the radiance (2N², 3) from valid pixels, and which cells are valid and clipped."""
-    cell_count = len(starts) - 1
-    result = np.zeros((cell_count, 3), np.float32)
-    valid = np.zeros(cell_count, np.bool_)
-    clipped = np.zeros(cell_count, np.bool_)
+    """Fill the radiance (2N², 3) from valid pixels, and mark the cells that are valid, clipped."""
     for task in prange(len(tasks) - 1):
         for i in range(tasks[task], tasks[task + 1]):
+            cell = cells[i]
             red = green = blue = share = 0.0
+            is_clipped = False
             for k in range(starts[i], starts[i + 1]):
                 p = pixels[k]
                 if pixel_valid[p]:
@@ -266,10 +304,10 @@ def _marked_product(  # type: ignore[no-untyped-def]
                     green += weight * radiance[p, 1]
                     blue += weight * radiance[p, 2]
                     share += weight * illumination[p] if len(illumination) else weight
-                    clipped[i] |= pixel_clipped[p]
-            if share * coverage[i] >= _HALF:
-                valid[i] = True
-                result[i, 0] = red / share
-                result[i, 1] = green / share
-                result[i, 2] = blue / share
-    return result, valid, clipped
+                    is_clipped |= pixel_clipped[p]
+            clipped[cell] = is_clipped
+            if share * coverage[cell] >= _HALF:
+                valid[cell] = True
+                result[cell, 0] = red / share
+                result[cell, 1] = green / share
+                result[cell, 2] = blue / share

@@ -81,7 +81,7 @@ def angle_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.
 
 def from_each_pixel(remap: Remap, per_cell: NDArray[np.float64]) -> NDArray[np.float64]:
     """Σ over cells of weight × per_cell (2N², k), for each pixel (H W, k)."""
-    cell = np.repeat(np.arange(len(remap.starts) - 1), np.diff(remap.starts))
+    cell = np.repeat(remap.cells, np.diff(remap.starts))
     width, height = remap.image_size_px
     return np.stack(
         [
@@ -94,9 +94,9 @@ def from_each_pixel(remap: Remap, per_cell: NDArray[np.float64]) -> NDArray[np.f
 
 def from_each_cell(remap: Remap, per_pixel: NDArray[np.generic]) -> NDArray[np.float64]:
     """Σ over pixels of weight × per_pixel (H, W), for each cell (2N²,)."""
-    cell = np.repeat(np.arange(len(remap.starts) - 1), np.diff(remap.starts))
+    cell = np.repeat(remap.cells, np.diff(remap.starts))
     values = remap.weights * per_pixel.ravel()[remap.pixels]
-    return np.bincount(cell, values, minlength=len(remap.starts) - 1)
+    return np.bincount(cell, values, minlength=remap.coverage.size)
 
 
 @cache

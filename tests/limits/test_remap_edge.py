@@ -24,7 +24,7 @@ def test_flux_on_the_edge_stays_within_its_bound() -> None:
     lens = Equidistant((63.5, 63.5), 128 / np.pi)
     camera = Calibration(lens, (128, 128), np.pi / 2, TILT @ UP)
     remap = build_remap(camera, HEIGHT)
-    cell = np.repeat(np.arange(2 * HEIGHT**2), np.diff(remap.starts))
+    cell = np.repeat(remap.cells, np.diff(remap.starts))
     cell_sr = np.repeat(solid_angles(HEIGHT), 2 * HEIGHT) * (remap.coverage.ravel() >= 0.5)
     flux = np.bincount(remap.pixels, remap.weights * cell_sr[cell], minlength=128 * 128)
 
