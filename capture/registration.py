@@ -37,10 +37,6 @@ _TUKEY = 4.685
 _ALIKE_PX = 4 * math.pi * _BLUR_PX**2
 """Pixels that share one independent residual after the blur."""
 
-_NOISE_SLOPE = 0.5
-"""Squared slope of noise alone, where slopes are chosen for being steep, in variances of the
-residual. It is no information: stripes tell nothing of a motion along them, however noisy."""
-
 _FEWEST_PX = 100
 
 Motion = NDArray[np.float64]
@@ -177,30 +173,34 @@ def _refined(reference: Plane, picture: Plane, use: Mask, motion: Motion) -> Reg
     x_px, y_px = at[1] - (width - 1) / 2, at[0] - (height - 1) / 2
     radius_px = math.hypot(width, height) / 2
     before = still[at].astype(np.float64)
+
+    def columns(slope_x: Plane, slope_y: Plane) -> NDArray[np.float64]:
+        turned = (x_px * slope_y - y_px * slope_x) / radius_px  # by one pixel at the corners
+        return np.stack([slope_x, slope_y, turned, before, np.ones_like(before)], axis=1)
+
+    still_columns = columns(still_x[at], still_y[at])
     for _ in range(_MOST_STEPS):
         moved = warped(moving, motion)
         moved_x, moved_y = _gradients(moved)
-        slope_x, slope_y = (still_x[at] + moved_x[at]) / 2, (still_y[at] + moved_y[at]) / 2
-        turned = (x_px * slope_y - y_px * slope_x) / radius_px  # by one pixel at the corners
-        columns = np.stack([slope_x, slope_y, turned, before, np.ones_like(before)], axis=1)
+        moved_columns = columns(moved_x[at], moved_y[at])
+        both_columns = (still_columns + moved_columns) / 2
         residual = before - moved[at]
         weight = _biweight(residual)
-        weighted = columns * weight[:, None]
-        normal = weighted.T @ columns
+        weighted = both_columns * weight[:, None]
+        normal = weighted.T @ both_columns
         if np.linalg.matrix_rank(normal, hermitian=True) < len(normal):
             return Registration(motion, np.inf, 0.0)
-        inverse = np.linalg.inv(normal)
-        step = inverse @ (weighted.T @ residual)
+        step = np.linalg.solve(normal, weighted.T @ residual)
         motion = motion @ rigid_motion((step[0], step[1]), step[2] / radius_px, (width, height))
         if np.abs(step[:3]).max() < _SMALL_STEP_PX:
             break
-    variance = float(weight @ residual**2 / weight.sum())
-    spread = np.hypot(x_px, y_px) / radius_px
-    noise = np.array([weight.sum(), weight.sum(), weight @ spread**2, 0, 0])
-    true = normal - np.diag(_NOISE_SLOPE * variance * noise)
-    if np.linalg.eigvalsh(true).min() <= 0:
+    # Noise has slopes too, but not the same in both pictures: their products tell of what is there.
+    shared = (still_columns * weight[:, None]).T @ moved_columns
+    shared = (shared + shared.T) / 2
+    if np.linalg.eigvalsh(shared).min() <= 0:
         return Registration(motion, np.inf, 0.0)
-    deviation_px = math.sqrt(_ALIKE_PX * variance * np.trace(np.linalg.inv(true)[:3, :3]))
+    variance = _ALIKE_PX * float(weight @ residual**2 / weight.sum())
+    deviation_px = math.sqrt(variance * np.trace(np.linalg.inv(shared)[:3, :3]))
     return Registration(motion, deviation_px, _correlation(before, moved[at]))
 
 
