@@ -58,40 +58,36 @@ class ExposurePlan:
 
 
 def possible_times(
-    range_s: tuple[float, float], step_s: float, longest_s: float, mains_hz: float = 0.0
+    range_s: tuple[float, float], step_s: float, mains_hz: float = 0.0
 ) -> NDArray[np.float64]:
     """Return the exposure times to choose from, in seconds, rising.
 
     Parameters
     ----------
     range_s : (float, float)
-        Shortest and longest time that the camera can do.
+        Shortest and longest time that the camera can do without losing frame rate.
     step_s : float
         Its times are the shortest plus a multiple of it.
-    longest_s : float
-        No time is above it (the frame interval: longer exposures cost frame rate), except the
-        camera's shortest.
     mains_hz : float
         Frequency of the mains that feed the scene's lamps, or 0. They pulse twice a period; from
         one pulse on, only whole numbers of pulses are possible, which see them steady. Shorter
         times cannot.
     """
-    shortest_s = range_s[0]
-    step_count = math.floor((min(range_s[1], longest_s) - shortest_s) / step_s + 1e-9)
-    times_s = shortest_s + step_s * np.arange(max(step_count, 0) + 1, dtype=np.float64)
+    step_count = math.floor((range_s[1] - range_s[0]) / step_s + _ROUNDING)
+    times_s = range_s[0] + step_s * np.arange(step_count + 1, dtype=np.float64)
     if not mains_hz:
         return times_s
     pulse_s = 0.5 / mains_hz
     # Within half a step of a whole number of pulses: the camera can come no nearer.
     off_s = np.abs(times_s - pulse_s * np.rint(times_s / pulse_s))
-    is_whole = off_s <= step_s * (0.5 + 1e-9)
+    is_whole = off_s <= step_s * (0.5 + _ROUNDING)
     is_short = times_s < pulse_s - step_s / 2
     possible = times_s[is_whole | is_short]
     return possible if possible.size else times_s[:1]
 
 
-def usable_light(sensor: Sensor, gain: float = 1.0) -> tuple[float, float]:
-    """Return the least and the most light, in seconds × radiance, that one exposure measures.
+def usable_light(sensor: Sensor) -> tuple[float, float]:
+    """Return the least and the most light, in seconds × radiance, that one exposure measures at gain 1.
 
     The least has a signal to noise ratio of LEAST_SNR in every channel, the most is saturation.
 
@@ -100,13 +96,13 @@ def usable_light(sensor: Sensor, gain: float = 1.0) -> tuple[float, float]:
     InputError
         If they are less than a factor of 4 apart: no bracket is of use then.
     """
-    least = clear_level(sensor, gain, LEAST_SNR)
+    least = clear_level(sensor, 1.0, LEAST_SNR)
     if 4.0 * least > sensor.saturation:
         raise InputError(
             f"the sensor ({sensor.source}) is too noisy to choose exposures for it; "
             "name them with --exposures"
         )
-    return least / gain, sensor.saturation / gain
+    return least, sensor.saturation
 
 
 def plan_exposures(
