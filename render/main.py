@@ -13,6 +13,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     imported when it is called, so that light ones start fast; one that cannot be imported is a
     broken installation, and told in a line too.
     """
+    # Threads that wait for the next compiled loop are to sleep: OpenMP's default is to keep their
+    # cores busy for milliseconds after each, while the next bracket is decoded. Read once, when
+    # numba first starts its threads.
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     try:
         from cyclopts import CycloptsError
 

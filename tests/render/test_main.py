@@ -42,6 +42,17 @@ def test_a_defect_keeps_its_traceback(failing_command):
         main(["render"])
 
 
+@pytest.mark.parametrize(("chosen", "kept"), [(None, "passive"), ("active", "active")])
+def test_waiting_threads_sleep_unless_told_otherwise(chosen, kept, failing_command, monkeypatch):
+    monkeypatch.setenv("OMP_WAIT_POLICY", chosen or "")
+    if chosen is None:
+        monkeypatch.delenv("OMP_WAIT_POLICY")
+    failing_command(KeyboardInterrupt())
+    with pytest.raises(SystemExit):
+        main(["render"])
+    assert os.environ["OMP_WAIT_POLICY"] == kept
+
+
 def test_an_interrupt_has_the_shells_exit_code(failing_command, capsys):
     failing_command(KeyboardInterrupt())
     with pytest.raises(SystemExit) as stop:
