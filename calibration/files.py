@@ -20,7 +20,8 @@ from capture.errors import InputError
 from capture.files import read_bytes
 from capture.output import write_text
 
-_LIMIT_BYTES = 1 << 20
+_MAX_BYTES = 2**20
+"""Largest calibration file that is read."""
 
 _Row = tuple[float, float, float]
 
@@ -111,9 +112,7 @@ def write_calibration(path: Path, calibration: Calibration, *, force: bool = Tru
 
 
 def _read_object(path: Path) -> dict[str, Any]:
-    content = read_bytes(path)
-    if len(content) > _LIMIT_BYTES:
-        raise InputError(f"{path} is larger than any calibration file (1 MiB)")
+    content = read_bytes(path, _MAX_BYTES)
     try:
         return msgspec.json.decode(content, type=dict[str, Any])
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:

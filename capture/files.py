@@ -11,25 +11,25 @@ MAX_BYTES = 2**31
 """Largest file that is read: MAX_PIXELS of four float32 channels."""
 
 
-def read_bytes(path: Path) -> bytes:
-    """Return a file's bytes.
+def read_bytes(path: Path, most_bytes: int = MAX_BYTES) -> bytes:
+    """Return a file's bytes; more than `most_bytes` are refused before they are read.
 
     Raises
     ------
     InputError
         If `path` is not an existing, readable file.
     UnreadableFrame
-        If it is empty or larger than MAX_BYTES.
+        If it is empty or too large.
     """
-    check_file(path)
+    check_file(path, most_bytes)
     try:
         return path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
 
 
-def check_file(path: Path) -> None:
-    """Raise as `read_bytes` does if `path` cannot be read as a picture."""
+def check_file(path: Path, most_bytes: int = MAX_BYTES) -> None:
+    """Raise as `read_bytes` does if `path` cannot be read."""
     try:
         if not path.exists():
             raise InputError(f"{path}: no such file")
@@ -40,8 +40,8 @@ def check_file(path: Path) -> None:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     if size == 0:
         raise UnreadableFrame(f"{path}: the file is empty")
-    if size > MAX_BYTES:
-        raise UnreadableFrame(f"{path}: {size} bytes, more than any picture needs ({MAX_BYTES})")
+    if size > most_bytes:
+        raise UnreadableFrame(f"{path}: {size} bytes, more than the {most_bytes} that are read")
 
 
 def check_size(path: Path, width_px: int, height_px: int) -> None:

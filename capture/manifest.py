@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import InputError
+from capture.files import read_bytes
 from capture.frame import F_NUMBER_RANGE, GAIN_RANGE, TIME_RANGE_S
 from capture.output import write_json
 from capture.sensor import Sensor, assumed_sensor
@@ -60,7 +61,8 @@ class FrameRecord(msgspec.Struct, frozen=True):
 
     `file` is relative to the recording's folder. `index` is the number that the source gave the
     frame: a gap is a frame that was lost before it reached the disk. Frames with the same
-    `bracket` form one.
+    `bracket` form one. `sequence` is a live camera's own number, from 0 each time it was opened; it
+    counts the frames between two settings as well.
     """
 
     file: str
@@ -72,10 +74,22 @@ class FrameRecord(msgspec.Struct, frozen=True):
     timestamp_s: float = 0.0
     gain: Gain = 1.0
     f_number: FNumber | None = None
+    sequence: Index | msgspec.UnsetType = msgspec.UNSET
+
+
+class DeviceRecord(msgspec.Struct, frozen=True):
+    """The live camera that was recorded: what it was called, and how it was run."""
+
+    path: str
+    pixel_format: str
+    frame_interval_s: Positive
 
 
 class Manifest(msgspec.Struct, frozen=True, kw_only=True):
-    """All of manifest.json. `calibration` names a file of the folder."""
+    """All of manifest.json. `calibration` names a file of the folder; only live ones have a device.
+
+    What is unset is not written.
+    """
 
     schema: str = SCHEMA
     camera: str
@@ -83,6 +97,7 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
     calibration: str | None = None
     source: str
     licence: str
+    device: DeviceRecord | msgspec.UnsetType = msgspec.UNSET
     frames: tuple[FrameRecord, ...] = ()
 
 
@@ -110,7 +125,7 @@ def read_manifest(folder: Path) -> Manifest:
         )
     # The journal is read first: a writer that closes in between has folded it into the manifest.
     journal = _journal_frames(folder / JOURNAL_NAME)
-    data = _bounded_bytes(path)
+    data = read_bytes(path, MAX_BYTES)
     try:
         schema = msgspec.json.decode(data, type=_Schema).schema
         if schema != SCHEMA:
@@ -208,10 +223,10 @@ def _srgb_response() -> NDArray[np.float64]:
 
 
 def _journal_frames(path: Path) -> list[FrameRecord]:
-    if not path.is_file():
+    if not path.is_file() or path.stat().st_size == 0:
         return []
     # Without its line feed the last line is not complete: its writer was killed.
-    lines = _bounded_bytes(path).split(b"\n")[:-1]
+    lines = read_bytes(path, MAX_BYTES).split(b"\n")[:-1]
     frames = []
     for number, line in enumerate(lines, start=1):
         try:
@@ -219,13 +234,6 @@ def _journal_frames(path: Path) -> list[FrameRecord]:
         except (msgspec.MsgspecError, RecursionError) as error:
             raise InputError(f"{path}, line {number}: {error}") from None
     return frames
-
-
-def _bounded_bytes(path: Path) -> bytes:
-    size = path.stat().st_size
-    if size > MAX_BYTES:
-        raise InputError(f"{path}: {size} bytes, more than the {MAX_BYTES} that are read")
-    return path.read_bytes()
 
 
 def _check_frames(frames: list[FrameRecord], path: Path) -> None:

@@ -1,15 +1,18 @@
 """Radiance in camera pixels, with what is known about each pixel."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.arrays import read_only
+from capture.errors import InputError
 
 RELATIVE = "relative"
 """Scale of radiance without an absolute calibration."""
 
+_LONGEST_SCALE = 40  # "W·sr⁻¹·m⁻²", with room for words
 _INFINITY_BITS = np.float32(np.inf).view(np.uint32)
 
 
@@ -56,6 +59,12 @@ class RadianceImage:
     def size_px(self) -> tuple[int, int]:
         """(width, height)."""
         return self.radiance.shape[1], self.radiance.shape[0]
+
+
+def check_scale(path: Path, scale: object) -> None:
+    """Raise InputError unless what a file says of its scale is the name of a unit."""
+    if not (isinstance(scale, str) and scale.isprintable() and 0 < len(scale) <= _LONGEST_SCALE):
+        raise InputError(f"{path}: its scale is {str(scale)[:_LONGEST_SCALE]!r}; wanted a unit")
 
 
 def check_radiance(radiance: NDArray[np.float32]) -> None:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from capture.errors import InputError
 from capture.exr import read_exr, write_exr
 from capture.primaries import PRIMARIES, REC709, are_rec709, to_rec709
-from capture.radiance import RELATIVE, Cleaned, RadianceImage, clean_radiance
+from capture.radiance import RELATIVE, Cleaned, RadianceImage, check_scale, clean_radiance
 from capture.radiance_hdr import read_radiance_hdr, write_radiance_hdr
 
 HDR_SUFFIXES = frozenset((".exr", ".hdr"))
@@ -94,13 +94,13 @@ def write_hdr(
 
     The file names the primaries, a key of capture.primaries.PRIMARIES, by their chromaticities.
 
-    A .hdr file holds the colours only: marks, variance, scale and attributes are lost, and NaN,
-    infinite or negative values are refused (ValueError).
+    A .hdr file holds the colours only: marks, variance, scale and attributes are lost.
 
     Raises
     ------
     InputError
-        If the suffix is neither, or the file exists and `force` is False.
+        If the suffix is neither, the file exists and `force` is False, or a .hdr file cannot hold
+        a value: negative, not finite, above 2^126.
     """
     suffix = path.suffix.lower()
     if suffix == ".hdr":
@@ -172,7 +172,8 @@ def _read_exr_picture(path: Path) -> HdrPicture:
     else:
         found = sorted(channels)  # shown as a list: names are the file's, and may hold anything
         raise InputError(f"{path}: wanted channels R, G and B (or Y alone), found {found}")
-    scale = file.attributes.get(_SCALE)
+    scale = file.attributes.get(_SCALE, RELATIVE)
+    check_scale(path, scale)
     picture = HdrPicture(
         rgb,
         valid=_mask(channels, "valid"),
@@ -182,7 +183,7 @@ def _read_exr_picture(path: Path) -> HdrPicture:
             if channels.keys() >= set(_VARIANCE)
             else None
         ),
-        scale=scale if isinstance(scale, str) else RELATIVE,
+        scale=scale,
         notes=notes,
         attributes=file.attributes,
     )

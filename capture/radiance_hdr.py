@@ -19,7 +19,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from capture.errors import UnreadableFrame
+from capture.errors import InputError, UnreadableFrame
 from capture.files import check_size, read_bytes
 from capture.output import replacing
 from capture.primaries import PRIMARIES, REC709, rgb_to_xyz
@@ -90,13 +90,17 @@ def write_radiance_hdr(
 
     Raises
     ------
-    ValueError
+    InputError
         If a value is negative, not finite, or above 2^126, which the format cannot hold.
     """
     if rgb.ndim != 3 or rgb.shape[2] != 3:
         raise ValueError(f"a picture must be (H, W, 3), got {rgb.shape}")
-    if not (rgb.min(initial=0) >= 0 and rgb.max(initial=0) <= 2.0**126):
-        raise ValueError("radiance must be finite, at least 0 and at most 2^126")
+    least, most = rgb.min(initial=0), rgb.max(initial=0)
+    if not (least >= 0 and most <= 2.0**126):
+        raise InputError(
+            f"{path}: a .hdr file holds finite numbers from 0 to 2^126, not {least:g} to {most:g}; "
+            "write an .exr file"
+        )
     height, width = rgb.shape[:2]
     chromaticities = " ".join(f"{value:g}" for value in PRIMARIES[primaries].ravel())
     lines = ("#?RADIANCE", f"PRIMARIES={chromaticities}", "FORMAT=32-bit_rle_rgbe", "")

@@ -19,9 +19,12 @@ from msgspec import Meta
 from capture.errors import InputError
 from capture.files import read_bytes
 from capture.output import write_text
-from capture.radiance import RELATIVE
+from capture.radiance import RELATIVE, check_scale
 from lighting import harmonics
 from lighting.light_set import LightSet
+
+_MAX_BYTES = 2**26
+"""Largest file that is read: about 300,000 lights."""
 
 _FORMAT = "fishlight-lights"
 _MAJOR = "1"
@@ -69,7 +72,7 @@ def read_lights(path: Path) -> LightSet:
         or colour space, a light has a direction that is no unit vector or negative irradiance, or
         the fill is negative somewhere.
     """
-    content = read_bytes(path)
+    content = read_bytes(path, _MAX_BYTES)
     try:
         file = msgspec.json.decode(content, type=_LightFile)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
@@ -155,6 +158,7 @@ def _check_header(path: Path, file: _LightFile) -> None:
             f"{path}: its colour_space must be {_COLOUR_SPACE!r}, "
             f"got {file.colour_space!r}; convert the irradiances"
         )
+    check_scale(path, file.scale)
 
 
 def _to_text(file: _LightFile) -> str:

@@ -1,6 +1,7 @@
 """Calibration files: what is read, and how a wrong one is named."""
 
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -167,3 +168,12 @@ def test_an_existing_file_is_kept_unless_forced(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--force"):
         write_calibration(path, calibration, force=False)
     assert json.loads(path.read_text()) == DATA_SHEET
+
+
+def test_a_giant_is_refused_unread(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "giant.json"
+    path.touch()
+    os.truncate(path, 2**20 + 1)  # takes no place on the disk
+    monkeypatch.setattr(Path, "read_bytes", None)
+    with pytest.raises(InputError, match=r"giant\.json: .* more than"):
+        read_calibration(path)

@@ -94,6 +94,15 @@ def test_photographs_that_do_not_fit_are_refused_and_nothing_is_written(tmp_path
     assert [path.name for path in tmp_path.iterdir()] == ["photos"]
 
 
+@pytest.mark.parametrize("time_s", [None, 0.0])
+def test_an_exposure_that_cannot_be_is_told_before_any_pixel_is_read(tmp_path, monkeypatch, time_s):
+    paths = write_bracket(tmp_path / "photos")
+    write_photograph(paths[1], time_s)
+    monkeypatch.setattr("capture.importing.read_camera_file", None)  # decoding would be an error
+    with pytest.raises(InputError, match=r"1\.jpg.*--exposures"):
+        read_photo_bracket(paths)
+
+
 def test_a_size_that_changes_between_brackets_is_refused(tmp_path):
     paths = write_bracket(tmp_path / "photos", times_s=(0.1,), repetitions=3)
     write_photograph(paths[1], 0.1, picture=scene_picture(0.1, (32, 32)))

@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import OpenEXR
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -130,6 +131,36 @@ def test_primaries_of_a_foreign_type_are_refused(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes().replace(name, b"chromaticities\0chromaticitieX\0"))
     with pytest.raises(InputError, match="primaries that are no colours"):
         read_hdr(path)
+
+
+@pytest.mark.parametrize("scale", ["cd/m²\n\x1b[2J", "", "W" * 41, 3.0])
+def test_a_scale_that_is_no_unit_is_refused(tmp_path: Path, scale: object) -> None:
+    channels = dict(zip("RGB", np.moveaxis(RGB, -1, 0), strict=True))
+    write_exr(tmp_path / "a.exr", channels, {"radianceScale": scale})
+    with pytest.raises(InputError, match=r"a\.exr: its scale is .*; wanted a unit") as caught:
+        read_hdr(tmp_path / "a.exr")
+    assert str(caught.value).isprintable()
+
+
+def test_half_floats_that_overflowed_are_counted(tmp_path: Path) -> None:
+    # 10⁶ in a half float is infinite: what another program lost is seen, not lit with.
+    with np.errstate(over="ignore"):
+        planes = {name: np.full((2, 4), 1e6).astype(np.float16) for name in "RGB"}
+    planes["R"][0] = planes["G"][0] = planes["B"][0] = 65504
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with OpenEXR.File(header, planes) as file:
+        file.write(str(tmp_path / "a.exr"))
+    image, cleaned = read_radiance(tmp_path / "a.exr")
+    assert cleaned.infinite_count == 12
+    np.testing.assert_array_equal(image.valid, [[True] * 4, [False] * 4])
+    np.testing.assert_array_equal(image.radiance[0], 65504)
+
+
+def test_a_sun_above_the_range_of_half_floats_is_written_in_full(tmp_path: Path) -> None:
+    sun = np.full((2, 4, 3), 1e6, np.float32)
+    for name in ("a.exr", "a.hdr"):
+        write_hdr(tmp_path / name, sun)
+        np.testing.assert_allclose(read_hdr(tmp_path / name).rgb, sun, rtol=1 / 256)
 
 
 def test_luminance_alone_is_repeated(tmp_path: Path) -> None:

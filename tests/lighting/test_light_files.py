@@ -1,6 +1,8 @@
 """lights.json: a round trip loses no bit, and what cannot be meant is refused with its place."""
 
 import json
+import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -168,6 +170,7 @@ def test_a_direction_rounded_to_four_digits_is_brought_to_unit_length(tmp_path):
         ({"fill": [[1, 1]] * 9}, "fill"),
         ({"fill": [[0, 0, 0], *[[1, 1, 1]] * 8]}, "at least 0 in every direction"),
         ({"predicted_error": -1}, "predicted_error"),
+        ({"scale": "cd\u001b[2J"}, "its scale is .*wanted a unit"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(tmp_path, fields, message):
@@ -231,3 +234,12 @@ def test_the_order_of_a_fill_is_its_highest_degree(degree):
 
 def test_a_set_without_fill_has_no_order():
     assert reduce_to_lights(constant(), 3, "cells").fill_order is None
+
+
+def test_a_giant_is_refused_unread(tmp_path, monkeypatch):
+    path = tmp_path / "giant.json"
+    path.touch()
+    os.truncate(path, 2**26 + 1)  # takes no place on the disk
+    monkeypatch.setattr(Path, "read_bytes", None)
+    with pytest.raises(InputError, match=r"giant\.json: .* more than"):
+        read_lights(path)
