@@ -21,10 +21,11 @@ from capture.errors import InputError
 from lighting.environment import EnvironmentMap
 from lighting.light_set import LightSet
 from render.casters import gather_casters
-from render.discs import cut_at_horizon, irradiance_curves
+from render.discs import irradiance_curves
 from render.dome import dome_lights
 from render.gbuffer import GBuffer
 from render.gl import load_program, release, set_uniforms
+from render.reaching_lights import reaching_lights
 from render.scene import Camera, Scene
 from render.shadows import ShadowAtlas, texel_width, world_to_tile
 
@@ -36,21 +37,6 @@ DOME_ATLAS_SIDE_PX = 2048
 
 MAX_SAMPLES = 2**26
 """Samples of a picture, each of which takes 100 bytes: 4096 × 4096 pixels of 2 × 2."""
-
-
-def reaching_lights(
-    lights: LightSet, scene: Scene
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return direction, irradiance and angular radius of the lights that reach the scene.
-
-    Left out are lights without power, and over a ground what is below its horizon, of a disc that
-    straddles it the part below: the ground is opaque, and everything stands on it. A light of more
-    than a hemisphere becomes one of a hemisphere.
-    """
-    keep = np.any(lights.irradiance > 0, axis=1)
-    radius_rad = np.minimum(lights.angular_radius_rad[keep], 0.5 * np.pi)
-    reaching = lights.directions[keep], lights.irradiance[keep], radius_rad
-    return reaching if scene.ground is None else cut_at_horizon(*reaching)
 
 
 class Renderer:

@@ -15,7 +15,8 @@ from lighting.light_set import LightSet
 from render.default_scene import sphere
 from render.dome import CELLS
 from render.gl import is_software
-from render.renderer import BATCH, Renderer, reaching_lights
+from render.reaching_lights import reaching_lights
+from render.renderer import BATCH, Renderer
 from render.scene import Camera, Ground, Material, Mesh, Scene
 from render.shadows import ShadowAtlas
 from tests.render.brute_force import SphereScene, as_points, away_from_outlines, trace

@@ -1,0 +1,50 @@
+"""The environment behind a scene, without OpenGL: rays of a picture, looked up in a map.
+
+As shaders/background.frag: bilinear between the centres of cells, around the seam, held at a pole.
+"""
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from render.scene import Camera
+
+
+def picture_rays(camera: Camera, size_px: tuple[int, int]) -> NDArray[np.float64]:
+    """Return the world directions (H, W, 3), not of unit length, of a picture's sample centres."""
+    width, height = size_px
+    across, up = camera.half_extent()
+    x = (2 * np.arange(width) + 1) / width - 1
+    y = 1 - (2 * np.arange(height) + 1) / height
+    ndc = np.stack([*np.meshgrid(across * x, up * y), np.full((height, width), -1.0)], axis=-1)
+    return ndc @ camera.axes()
+
+
+def map_coordinates(directions: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return u and v, 0 … 1 and v from the top, in a lat-long map of directions (S, 3): (S, 2)."""
+    x, y, z = directions.T
+    u = 0.5 - np.arctan2(x, z) / (2 * np.pi)
+    v = np.arctan2(np.hypot(x, z), y) / np.pi
+    return np.stack([u, v], axis=-1).astype(np.float32)
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def look_up(
+    radiance: NDArray[np.float32],
+    at: NDArray[np.float32],
+    samples: NDArray[np.int64],
+    out: NDArray[np.float32],
+) -> None:  # pragma: no cover - compiled
+    """Set `samples` (S,) of `out` to a map (N, 2N, 3) at (S, 2) as `map_coordinates` gives them."""
+    rows, columns = radiance.shape[:2]
+    for i in prange(len(at)):
+        x = at[i, 0] * columns - np.float32(0.5)
+        y = min(max(at[i, 1] * rows - np.float32(0.5), np.float32(0)), np.float32(rows - 1))
+        column, row = int(np.floor(x)), min(int(y), rows - 2)
+        right, down = x - np.float32(column), y - np.float32(row)
+        left = column % columns
+        beside = (column + 1) % columns
+        for c in range(3):
+            above = (1 - right) * radiance[row, left, c] + right * radiance[row, beside, c]
+            below = (1 - right) * radiance[row + 1, left, c] + right * radiance[row + 1, beside, c]
+            out[samples[i], c] = (1 - down) * above + down * below

@@ -1,0 +1,170 @@
+"""Rays against triangles: Embree's own library, called in packets from compiled loops.
+
+The embreex wheel brings the library; its Python interface takes one ray at a time, a tenth as fast.
+Here Python builds the hierarchy through ctypes, and numba kernels call `occluded16` with packets of
+their own, without the interpreter and from any thread.
+
+Input  : triangles.    Output : an address that kernels trace against.
+Cost   : building, about 0.1 µs per triangle; tracing, see tests/benchmarks.
+Fails  : a ray through an edge may slip between two triangles unless they share its vertices.
+"""
+
+import ctypes
+import importlib.util
+from functools import cache
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from capture.errors import InputError
+
+PACKET = 16
+"""Rays of one call."""
+
+_ROBUST = 4  # RTC_SCENE_FLAG_ROBUST: watertight along shared edges
+_TRIANGLES = 0  # RTC_GEOMETRY_TYPE_TRIANGLE
+_INDEX, _VERTEX = 0, 1  # RTC_BUFFER_TYPE_…
+_UINT3, _FLOAT3 = 0x5003, 0x9003  # RTC_FORMAT_…
+_FIELDS = 12  # origin, near, direction, time, far, mask, id, flags: one vector of 16 each
+_ALIGNMENT = 64
+
+
+class Occluders:
+    """Triangles that rays may hit. Owns memory of Embree: use it as a context manager.
+
+    Parameters
+    ----------
+    positions : (V, 3) float32
+        In m.
+    faces : (F, 3) int32
+        May be empty: then nothing is ever hit.
+
+    Raises
+    ------
+    InputError
+        If Embree refuses the triangles, for want of memory.
+    """
+
+    def __init__(self, positions: NDArray[np.float32], faces: NDArray[np.int32]) -> None:
+        library = _library()
+        # Embree reads 16 bytes where a vertex has 12.
+        self._positions = np.zeros((len(positions) + 1, 3), np.float32)
+        self._positions[:-1] = positions
+        self._faces = np.ascontiguousarray(faces, np.uint32)
+        self._device = library.rtcNewDevice(None)
+        self._scene = library.rtcNewScene(self._device)
+        library.rtcSetSceneFlags(self._scene, _ROBUST)
+        if len(faces):
+            geometry = library.rtcNewGeometry(self._device, _TRIANGLES)
+            for kind, form, array, count in (
+                (_VERTEX, _FLOAT3, self._positions, len(positions)),
+                (_INDEX, _UINT3, self._faces, len(faces)),
+            ):
+                library.rtcSetSharedGeometryBuffer(
+                    geometry, kind, 0, form, array.ctypes.data, 0, 12, count
+                )
+            library.rtcCommitGeometry(geometry)
+            library.rtcAttachGeometry(self._scene, geometry)
+            library.rtcReleaseGeometry(geometry)
+        library.rtcCommitScene(self._scene)
+        code = library.rtcGetDeviceError(self._device)
+        if code:
+            self.release()
+            raise InputError(f"Embree cannot hold {len(faces)} triangles (its error {code})")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.release()
+
+    @property
+    def address(self) -> int:
+        """What kernels pass on to `occluded16`; good until `release`."""
+        return int(self._scene)
+
+    def release(self) -> None:
+        """Free the hierarchy."""
+        if self._scene:
+            _library().rtcReleaseScene(self._scene)
+            _library().rtcReleaseDevice(self._device)
+        self._scene = self._device = 0
+
+
+def occluded16_address() -> int:
+    """Return the address of Embree's function, which kernels call through `occluded16`."""
+    address = ctypes.cast(_library().rtcOccluded16, ctypes.c_void_p).value
+    assert address is not None
+    return address
+
+
+@njit(nogil=True)
+def packet() -> tuple[Any, Any]:  # pragma: no cover - compiled
+    """Return memory for a packet: rays (12, 16) float32 and valid (16,) int32, both all zeros.
+
+    The rows of rays: origin x, y, z, near, direction x, y, z, time, far; then the bits of mask, id
+    and flags. A ray that hits something comes back with far = −inf.
+    """
+    memory = np.zeros((_FIELDS + 1) * PACKET + _ALIGNMENT // 4, np.float32)
+    first = (-memory.ctypes.data % _ALIGNMENT) // 4
+    rays = memory[first : first + _FIELDS * PACKET].reshape(_FIELDS, PACKET)
+    valid = memory[first + _FIELDS * PACKET :][:PACKET].view(np.int32)
+    rays[9].view(np.int32)[:] = -1
+    return rays, valid
+
+
+@intrinsic
+def occluded16(_typing: Any, function: Any, valid: Any, scene: Any, rays: Any) -> Any:
+    """Trace the packet whose arrays lie at the addresses `rays` and `valid` (−1: trace, 0: not)."""
+    signature = types.void(types.int64, types.int64, types.int64, types.int64)
+
+    def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        pointer = ir.IntType(8).as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [pointer] * 4)
+        target = builder.inttoptr(arguments[0], kind.as_pointer())
+        passed = [builder.inttoptr(each, pointer) for each in arguments[1:]]
+        builder.call(target, [*passed, ir.Constant(pointer, None)])
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+@cache
+def _library() -> Any:
+    spec = importlib.util.find_spec("embreex")
+    beside = Path(str(spec and spec.origin)).parents[1] / "embreex.libs"
+    for name in ("libtbb*", "libembree4*"):  # the second needs the first
+        library = ctypes.CDLL(str(next(beside.glob(name))), mode=ctypes.RTLD_LOCAL)
+    pointer, number = ctypes.c_void_p, ctypes.c_uint
+    for name, result, arguments in (
+        ("rtcNewDevice", pointer, [ctypes.c_char_p]),
+        ("rtcGetDeviceError", ctypes.c_int, [pointer]),
+        ("rtcReleaseDevice", None, [pointer]),
+        ("rtcNewScene", pointer, [pointer]),
+        ("rtcSetSceneFlags", None, [pointer, ctypes.c_int]),
+        ("rtcCommitScene", None, [pointer]),
+        ("rtcReleaseScene", None, [pointer]),
+        ("rtcNewGeometry", pointer, [pointer, ctypes.c_int]),
+        ("rtcCommitGeometry", None, [pointer]),
+        ("rtcReleaseGeometry", None, [pointer]),
+        ("rtcAttachGeometry", number, [pointer, pointer]),
+        (
+            "rtcSetSharedGeometryBuffer",
+            None,
+            [pointer, ctypes.c_int, number, ctypes.c_int, pointer, *3 * [ctypes.c_size_t]],
+        ),
+    ):
+        function = getattr(library, name)
+        function.restype, function.argtypes = result, arguments
+    return library

@@ -1,0 +1,165 @@
+"""Pictures from baked transport against a ray caster, and against the renderer with shadow maps."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lighting.environment import EnvironmentMap
+from lighting.light_set import LightSet
+from render import baked
+from render.baked import BakedRenderer
+from render.default_scene import sphere
+from render.renderer import Renderer
+from render.scene import Camera, Ground, Material, Scene
+from tests.render.brute_force import SphereScene, as_points, away_from_outlines, trace
+from tests.render.light_sets import (
+    one_light,
+    only_fill,
+    random_lights,
+    scaled,
+    uniform_fill,
+    uniform_lights,
+)
+
+pytestmark = pytest.mark.gl
+
+MATT = Material((0.6, 0.5, 0.4), specular=0.0)
+BALL = SphereScene((0.0, 0.5, 0.0), 0.5, MATT, Ground(0.0, (0.5, 0.5, 0.5), 20))
+CAMERA = Camera(np.array([0.5, 3.0, 2.0]), np.array([0.0, 0.2, 0.0]), 0.8, (48, 48))
+INSIDE = away_from_outlines(BALL, CAMERA)
+
+
+def meshed(scene: SphereScene) -> Scene:
+    return Scene((sphere(scene.centre, scene.radius_m, scene.material, 64),), scene.ground)
+
+
+@pytest.fixture(scope="module")
+def ball(_context):
+    with _context, BakedRenderer(_context, meshed(BALL), CAMERA) as renderer:
+        yield renderer
+
+
+def whole_map(radiance):
+    return EnvironmentMap(radiance, np.ones((16, 32), bool), np.zeros((16, 32), bool))
+
+
+def errors(picture, lights, scene=BALL):
+    """Relative RMSE of the picture, and relative error of its mean."""
+    truth = trace(scene, CAMERA, as_points(lights, per_fill=1024))[INSIDE, :3]
+    result = picture[INSIDE, :3]
+    rmse = math.sqrt(np.mean((result - truth) ** 2) / np.mean(truth**2))
+    return rmse, abs(result.mean() / truth.mean() - 1)
+
+
+@pytest.mark.parametrize(("radius_deg", "bound"), [(0, 2e-4), (2, 0.006), (5, 0.008), (20, 0.008)])
+def test_a_shadow_is_as_soft_as_its_light(ball, radius_deg, bound):
+    light = one_light((0.6, 1.0, -0.3), angular_radius_rad=math.radians(radius_deg))
+    rmse, mean_error = errors(ball.render(light), light)
+    assert rmse < bound
+    assert mean_error < 0.002
+
+
+def test_a_fill(ball):
+    fill = uniform_fill(1.0)
+    fill[1:4] = [[0.5, 0.0, -0.5], [0.2, 0.3, 0.0], [0.0, -0.2, 0.4]]
+    rmse, mean_error = errors(ball.render(only_fill(fill)), only_fill(fill))
+    assert rmse < 0.004
+    assert mean_error < 0.002
+
+
+@pytest.mark.parametrize(
+    ("material", "bound"),
+    [
+        (Material((0.8, 0.6, 0.5), roughness=0.5, metalness=1.0), 0.015),
+        (Material((0.5, 0.3, 0.2), roughness=0.5), 0.012),
+    ],
+)
+def test_gloss(ctx, material, bound):
+    scene = replace(BALL, material=material)
+    points = random_lights(12, seed=3, lowest=0.3)
+    lights = LightSet(points.directions, points.irradiance, np.full(12, 0.2))
+    with BakedRenderer(ctx, meshed(scene), CAMERA) as renderer:
+        rmse, mean_error = errors(renderer.render(lights), lights, scene)
+    assert rmse < bound
+    assert mean_error < 0.01
+
+
+def test_without_a_ground_light_comes_from_below(ctx):
+    scene = replace(BALL, ground=None)
+    below = one_light((0.2, -1.0, 0.4), angular_radius_rad=0.3)
+    camera = replace(CAMERA, eye=np.array([0.5, -1.5, 2.0]))
+    with BakedRenderer(ctx, meshed(scene), camera) as renderer:
+        picture = renderer.render(below)
+    truth = trace(scene, camera, as_points(below))
+    inside = away_from_outlines(scene, camera) & (truth[..., 3] == 1)
+    np.testing.assert_allclose(picture[inside, :3].mean(), truth[inside, :3].mean(), rtol=0.01)
+
+
+def test_a_white_furnace_stays_white(ctx):
+    """A ball of reflectance 1 under a radiance of 1 from everywhere has radiance 1."""
+    scene = replace(BALL, material=Material((1.0, 1.0, 1.0), specular=0.0), ground=None)
+    with BakedRenderer(ctx, meshed(scene), CAMERA) as renderer:
+        picture = renderer.render(uniform_lights(1500))
+    inside = away_from_outlines(scene, CAMERA) & (picture[..., 3] == 1)
+    np.testing.assert_allclose(picture[inside, :3], 1, atol=0.01)
+
+
+def test_pictures_add_and_scale(ball):
+    """Up to the steps of the transport, which are the same for every light."""
+    first, second = one_light((0.3, 1, 0), angular_radius_rad=0.3), only_fill(uniform_fill(0.5))
+    together = replace(first, fill=second.fill)
+    total = ball.render(first)[..., :3] + ball.render(second)[..., :3]
+    np.testing.assert_allclose(ball.render(together)[..., :3], total, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(
+        ball.render(scaled(first, 3))[..., :3], 3 * ball.render(first)[..., :3], rtol=1e-5
+    )
+
+
+def test_a_picture_depends_on_its_own_lights_alone(ball):
+    first, second = one_light((0.6, 1.0, -0.3)), one_light((-0.6, 1.0, 0.3))
+    before = ball.render(first)
+    ball.render(second)
+    np.testing.assert_array_equal(ball.render(first), before)
+
+
+def test_a_narrow_light_is_traced_only_where_it_moved(ball, monkeypatch):
+    traced = []
+    trace_again = ball._trace
+    monkeypatch.setattr(ball, "_trace", lambda points: traced.append(1) or trace_again(points))
+    light = one_light((0.1, 1.0, 0.7))
+    ball.render(light)
+    ball.render(scaled(light, 2.0))
+    ball.render(one_light((0.1, 1.0, 0.7001)))
+    assert len(traced) == 1
+    ball.render(one_light((0.1, 1.0, 0.72)))
+    assert len(traced) == 2
+
+
+def test_only_the_strongest_lights_are_narrow(ball):
+    lights = random_lights(30, seed=1)
+    ball.render(lights)
+    kept = {tuple(each.direction) for each in ball._narrow}
+    power = lights.irradiance @ [0.2126, 0.7152, 0.0722]
+    strongest = lights.directions[np.argsort(-power)[: baked.NARROW_LIGHTS]]
+    assert kept == {tuple(each) for each in strongest}
+
+
+def test_coverage_background_and_samples_are_the_renderers(ctx):
+    """Where nothing is hit the map shows, bilinear: llvmpipe weighs in steps of 1/256."""
+    camera = replace(CAMERA, eye=np.array([1.0, 0.8, 2.5]), size_px=(40, 30))
+    environment = whole_map(np.random.default_rng(1).random((16, 32, 3), np.float32))
+    lights = one_light((0.6, 1.0, -0.3))
+    with (
+        Renderer(ctx, meshed(BALL), camera, 2) as drawn,
+        BakedRenderer(ctx, meshed(BALL), camera, 2) as renderer,
+    ):
+        expected = drawn.render(lights, environment)
+        picture = renderer.render(lights, environment)
+    np.testing.assert_array_equal(picture[..., 3], expected[..., 3])
+    unseen = expected[..., 3] == 0
+    assert unseen.any()
+    np.testing.assert_allclose(picture[unseen], expected[unseen], atol=2.5 / 256)
+    assert picture.flags.c_contiguous
+    assert picture.dtype == np.float32
