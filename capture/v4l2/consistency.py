@@ -1,9 +1,9 @@
 """Holds the exposures of a bracket against its pixels: a frame under another's label stands out.
 
 Input  : samples of each frame, in DN.    Output : what contradicts, in words, or None.
-Fails  : where too little of the picture is between dark and full in two exposures, nothing is said.
-         A tone curve that is not the sensor's changes the ratios; they are judged loosely, so that
-         only a frame that looks like its neighbour, or one changed by more, is found.
+Fails  : where too little of the picture is between dark and full, or exposures are close, nothing
+         is said. A tone curve that is not the sensor's changes ratios, so they are judged loosely:
+         only a frame that looks like its neighbour, or one changed by far too much, is found.
 """
 
 from collections.abc import Sequence
@@ -16,16 +16,17 @@ from numpy.typing import NDArray
 from capture.sensor import Sensor
 
 _LEAST_RATIO = 2.0
-"""Exposures closer than this look alike enough for a lamp's flicker to hide the difference."""
+"""Exposures closer than this look so alike that a lamp's flicker can hide the difference."""
 
 _LEAST_SHARE = 0.01
-"""Of the samples, that must lie between dark and full in both exposures."""
+"""Of the samples, that must lie between dark and full in one of two exposures."""
 
-_DARK, _FULL = 0.05, 0.8
-"""Linear values between which a sample is compared: above any black level, below white."""
+_DARK, _DIM, _BRIGHT, _FULL = 0.03, 0.05, 0.8, 0.9
+"""Linear values: samples from dim to bright are judged; below dark, which lies above any camera's
+black, and above full, one says nothing of the light."""
 
-_EXPONENTS = (0.5, 2.0)
-"""What power of the exposures' ratio the pixels' ratio may be: steep and flat tone curves pass, two
+_EXPONENTS = (0.5, 1.6)
+"""What power of the exposures' ratio the pixels' ratio may be: flat and steep tone curves pass, two
 frames of one exposure (power 0) and exchanged ones (−1) do not."""
 
 
@@ -33,6 +34,9 @@ def find_contradiction(
     times_s: Sequence[float], samples: Sequence[NDArray[Any]], sensor: Sensor
 ) -> str | None:
     """Return which two exposures contradict their pixels, or None.
+
+    Each sample that is neither dark nor full in one of two exposures votes; the majority counts, so
+    that a part of the picture may move or change.
 
     Parameters
     ----------
@@ -49,14 +53,23 @@ def find_contradiction(
             chain.append(index)
     for shorter, longer in pairwise(chain):
         dim, bright = table[samples[shorter]], table[samples[longer]]
-        usable = (np.minimum(dim, bright) > _DARK) & (np.maximum(dim, bright) < _FULL)
-        if np.count_nonzero(usable) < _LEAST_SHARE * usable.size:
-            continue
-        measured = float(np.median(bright[usable] / dim[usable]))
-        expected = times_s[longer] / times_s[shorter]
-        if not expected ** _EXPONENTS[0] < measured < expected ** _EXPONENTS[1]:
+        ratio = times_s[longer] / times_s[shorter]
+        votes = ((bright > _DIM) & (bright < _BRIGHT)) | ((dim > _DIM) & (dim < _BRIGHT))
+        against = votes & _contradicts(dim, bright, ratio)
+        count = np.count_nonzero(votes)
+        if count >= _LEAST_SHARE * votes.size and 2 * np.count_nonzero(against) > count:
             return (
-                f"{times_s[longer]:.3g} s is {measured:.2g} times as bright as "
-                f"{times_s[shorter]:.3g} s"
+                f"{times_s[shorter]:.3g} s and {times_s[longer]:.3g} s do not differ in the "
+                "picture as they should"
             )
     return None
+
+
+def _contradicts(
+    dim: NDArray[np.float32], bright: NDArray[np.float32], ratio: float
+) -> NDArray[np.bool_]:
+    """Tell where two linear values cannot belong to exposures of this ratio."""
+    least, most = (ratio**exponent for exponent in _EXPONENTS)
+    too_alike = (bright < least * dim) & (dim > _DARK) & (bright < _FULL)
+    too_different = bright > most * np.maximum(dim, _DARK)
+    return np.asarray(too_alike | too_different)

@@ -110,10 +110,9 @@ class ExposureCycle:
         self._last: Delivery | None = None
         self._aimed_s = 0.0  # the frame that the last setting was meant for
         interval_s = settling.frame_interval_s
-        doubt_s = settling.latest_s - settling.earliest_s
-        self._stride = ceil(doubt_s / interval_s + 2 * _LEAST_MARGIN)
+        self._stride = ceil(settling.doubt_s / interval_s + 2 * _LEAST_MARGIN)
         """Frames from one setting to the next."""
-        self._margin_s = (self._stride * interval_s - doubt_s) / 2
+        self._margin_s = (self._stride * interval_s - settling.doubt_s) / 2
         self._lead_s = settling.latest_s + settling.setting_s + self._margin_s
 
     def collect(self, times_s: Sequence[float]) -> list[Exposed]:
@@ -135,7 +134,7 @@ class ExposureCycle:
         collected: list[Exposed] = []
         patience = _PATIENCE * (1 + len(missing)) * self._stride
         while missing:
-            delivery = self._next(missing, times_s)
+            delivery = self._next(missing, list(times_s))
             exposed = self._judge(delivery, fresh_s, missing)
             if exposed is not None:
                 missing.remove(exposed.wanted_s)
@@ -149,7 +148,7 @@ class ExposureCycle:
                 )
         return collected
 
-    def _next(self, missing: list[float], times_s: Sequence[float]) -> Delivery:
+    def _next(self, missing: list[float], times_s: list[float]) -> Delivery:
         """Return the next frame, setting what is due while waiting for it."""
         deadline_s = self._stream.now_s() + max(
             _STALL_S, _STALL_INTERVALS * self._settling.frame_interval_s
@@ -180,17 +179,18 @@ class ExposureCycle:
         earliest_s = max(now_s - self._margin_s / 2 + self._lead_s, after_aimed_s)
         return last_s + interval_s * max(ceil((earliest_s - last_s) / interval_s), 1)
 
-    def _choose(self, aim_s: float, missing: list[float], times_s: Sequence[float]) -> float:
+    def _choose(self, aim_s: float, missing: list[float], times_s: list[float]) -> float:
         """Return what to expose the frame at `aim_s` by: the first that no frame before it has."""
-        wanted = [*missing, *times_s]
         interval_s = self._settling.frame_interval_s
         stamp_s = aim_s if self._last is None else self._last.timestamp_s + interval_s
+        ahead = ceil((aim_s - stamp_s) / interval_s)
+        wanted = [*missing, *times_s * (1 + ahead // len(times_s))]
         while stamp_s < aim_s - interval_s / 2:
             setting = self._setting_at(stamp_s)
             if setting is not None and setting.wanted_s in wanted:
                 wanted.remove(setting.wanted_s)
             stamp_s += interval_s
-        return wanted[0] if wanted else times_s[0]
+        return wanted[0]
 
     def _set(self, wanted_s: float) -> None:
         if self._settings and self._settings[-1].wanted_s == wanted_s:
@@ -198,15 +198,9 @@ class ExposureCycle:
         begun_s = self._stream.now_s()
         actual_s = self._set_exposure(wanted_s)
         done_s = self._stream.now_s()
-        made_s = min(begun_s + self._settling.setting_s, done_s)
-        self._settings.append(
-            _Setting(
-                wanted_s,
-                actual_s,
-                made_s + self._settling.earliest_s,
-                done_s + self._settling.latest_s,
-            )
-        )
+        earliest_s = begun_s + self._settling.earliest_s
+        latest_s = done_s + self._settling.latest_s
+        self._settings.append(_Setting(wanted_s, actual_s, earliest_s, latest_s))
 
     def _setting_at(self, stamp_s: float) -> _Setting | None:
         """Return the setting that a frame of this stamp certainly has; None if it is in doubt."""

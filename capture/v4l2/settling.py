@@ -36,9 +36,8 @@ _MOST_AGE_S = 60.0
 class Settling:
     """How a camera follows its settings.
 
-    A setting that was made by `done` is in all frames stamped from done + `latest_s` on, and in
-    none stamped before done + `earliest_s`. Making it usually takes `setting_s`; one that took
-    longer may count from that time after its beginning on.
+    A setting that was made between `begun` and `done` is in no frame stamped before begun +
+    `earliest_s`, and in all frames stamped from done + `latest_s` on. Making it takes `setting_s`.
     """
 
     earliest_s: float
@@ -50,6 +49,11 @@ class Settling:
     def frames(self) -> float:
         """The delay k, in frame intervals: a frame is taken if stamped after done + k intervals."""
         return self.latest_s / self.frame_interval_s
+
+    @property
+    def doubt_s(self) -> float:
+        """For how long after a setting it is not known whether a frame has it."""
+        return self.latest_s - self.earliest_s + self.setting_s
 
     def widened(self) -> "Settling":
         """Return bounds a frame further apart, for a camera that was caught beyond these."""
@@ -199,28 +203,28 @@ def _step(
 def _bounds(steps: list[_Step], interval_s: float) -> Settling:
     """Return what the steps leave possible for the delay.
 
-    A step tells that its delay is more than `last_old − done` and at most `first_changed − done`.
-    If one delay explains all steps, it lies between the largest of the former and the smallest of
-    the latter. If it hardly does, it varies at least between these two; if it does not, any delay
-    of any step is possible.
+    A step tells that its delay is above one number and at most another. If one delay explains all
+    steps, it lies between the largest of the former and the smallest of the latter. If it hardly
+    does, it varies at least between these two; if it does not, any delay of any step is possible.
+
+    At which moment between `begun` and `done` a setting counts is not known: the earliest delay is
+    measured from done and the latest from begun, to be applied the other way round.
     """
-    setting_s = median(step.done_s - step.begun_s for step in steps)
-    made_s = [min(step.begun_s + setting_s, step.done_s) for step in steps]
-    begins = _range(
+    earliest_s, _ = _range(
         [step.last_old_s - step.done_s for step in steps],
-        [step.first_changed_s - at_s for step, at_s in zip(steps, made_s, strict=True)],
+        [step.first_changed_s - step.done_s for step in steps],
         interval_s,
     )
-    ends = _range(
-        [step.last_unsettled_s - step.done_s for step in steps],
-        [step.first_new_s - at_s for step, at_s in zip(steps, made_s, strict=True)],
+    _, latest_s = _range(
+        [step.last_unsettled_s - step.begun_s for step in steps],
+        [step.first_new_s - step.begun_s for step in steps],
         interval_s,
     )
     guard_s = _GUARD * interval_s
     return Settling(
-        earliest_s=max(begins[0] - guard_s, 0.0),
-        latest_s=ends[1] + guard_s,
-        setting_s=setting_s,
+        earliest_s=max(earliest_s - guard_s, 0.0),
+        latest_s=latest_s + guard_s,
+        setting_s=median(step.done_s - step.begun_s for step in steps),
         frame_interval_s=interval_s,
     )
 

@@ -131,7 +131,9 @@ class VideoStream:
         return time.monotonic()
 
     def close(self) -> None:
-        """Stop the stream and give its buffers back; harmless if the camera is gone."""
+        """Stop the stream and give its buffers back; harmless if the camera is gone or closed."""
+        if self._node.fd < 0:
+            return
         self._request(kernel.STREAM_OFF, c_int32(kernel.VIDEO_CAPTURE))
         for mapped in self._maps:
             mapped.close()
