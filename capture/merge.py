@@ -127,16 +127,16 @@ def _average(frames: Sequence[Frame]) -> RadianceImage:
 
 
 @lru_cache(maxsize=8)
-def _count_table(sensor: Sensor) -> NDArray[np.float64]:
-    """Return (counts, 3): the linear value of each count and the variance of its step.
+def _count_table(sensor: Sensor) -> NDArray[np.uint64]:
+    """Return (3, counts): the linear value of each count and the variance of its step.
 
-    Both are float32 in the bits of one float64, so that one load brings both. A linear response
-    needs no table: it has no rows.
+    Both are float32 in the bits of one integer, so that one load brings both. A linear response
+    needs no table: it has no columns.
     """
     if sensor.response is None:
-        return np.empty((0, 3))
-    table = np.stack([sensor.linear_table(), sensor.step_variance_table()], axis=-1)
-    return table.astype(np.float32).view(np.float64)[..., 0].copy()
+        return np.empty((3, 0), np.uint64)
+    table = np.stack([sensor.linear_table().T, sensor.step_variance_table().T], axis=-1)
+    return table.astype(np.float32).view(np.uint64)[..., 0].copy()
 
 
 def _flat_counts(frames: Sequence[Frame]) -> tuple[NDArray[Any], ...]:
