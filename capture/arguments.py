@@ -18,6 +18,8 @@ def _whole_number(_type: Any, tokens: Sequence[Token]) -> int:
         raise ValueError(f"wanted a whole number, got {tokens[0].value!r}.") from None
 
 
+MAX_SIZE_PX = 8192
+
 Output = Annotated[Path, Parameter(name=["--output", "-o"])]
 
 WholeNumber = Annotated[int, Parameter(converter=_whole_number)]
@@ -43,6 +45,17 @@ def _seconds(part: str) -> float:
         raise InputError(
             f"--exposures: {part.strip()!r} is no time in seconds; write 0.001,0.01 or 1/1000,1/100"
         ) from None
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """(width, height) in pixels of "640x480"; InputError for anything else."""
+    width, _, height = text.lower().partition("x")
+    if not (width.isdecimal() and height.isdecimal()):
+        raise InputError(f"a size is WIDTHxHEIGHT, as in 640x480; got {text!r}")
+    size_px = int(width), int(height)
+    if not all(1 <= length <= MAX_SIZE_PX for length in size_px):
+        raise InputError(f"width and height must be 1 to {MAX_SIZE_PX}, got {text}")
+    return size_px
 
 
 def tell(notes: Sequence[str]) -> None:

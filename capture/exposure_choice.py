@@ -22,6 +22,8 @@ class ExposureChooser:
 
     Attributes
     ----------
+    is_fixed : bool
+        Whether they were asked for.
     times_s : tuple of float
         Exposure times of the next bracket.
     """
@@ -48,7 +50,7 @@ class ExposureChooser:
         InputError
             If the camera cannot do `exposures_s`, or is too noisy to choose them.
         """
-        self._is_fixed = exposures_s is not None
+        self.is_fixed = exposures_s is not None
         self._range_s, self._step_s = camera.exposure_range_s, camera.exposure_step_s
         self._mains_hz = mains_hz
         self._watch = MainsWatch()
@@ -61,7 +63,7 @@ class ExposureChooser:
 
     def look_at(self, bracket: Bracket, camera: BracketCamera) -> None:
         """Choose the next exposures by a bracket; without effect if they were asked for."""
-        if self._is_fixed:
+        if self.is_fixed:
             return
         mains_hz = self._mains_hz
         if mains_hz is None:

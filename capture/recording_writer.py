@@ -21,6 +21,7 @@ from capture.files import read_bytes
 from capture.frame import Exposure
 from capture.manifest import (
     JOURNAL_NAME,
+    DeviceRecord,
     FrameRecord,
     Manifest,
     journal_line,
@@ -44,6 +45,7 @@ def create_recording(
     calibration: Path | None = None,
     source: str = "",
     licence: str = "",
+    device: DeviceRecord | None = None,
     force: bool = False,
 ) -> "RecordingWriter":
     """Return the writer of a new recording, to be used as a context manager.
@@ -59,6 +61,8 @@ def create_recording(
         A calibration that is copied into the recording.
     source, licence : str
         Where the frames come from and what may be done with them.
+    device : DeviceRecord or None
+        The live camera, if one is recorded.
     force : bool
         Replace an older recording. It is written beside it and takes its place when complete; only
         a folder that holds a recording is ever replaced.
@@ -90,6 +94,7 @@ def create_recording(
         calibration=None if copied is None else CALIBRATION_NAME,
         source=source,
         licence=licence,
+        device=msgspec.UNSET if device is None else device,
     )
     try:
         return RecordingWriter(target, folder, header, copied)
@@ -155,7 +160,10 @@ class RecordingWriter:
             shutil.rmtree(self.folder)
             return
         manifest = msgspec.structs.replace(self._header, frames=tuple(self._frames))
-        write_manifest(self.folder, manifest)
+        try:
+            write_manifest(self.folder, manifest)
+        except InputError as error:
+            raise InputError(f"{error}; {self.folder} can be read as it is") from None
         (self.folder / JOURNAL_NAME).unlink()
         if self.folder != self._destination:
             self._take_place()
@@ -194,6 +202,7 @@ class RecordingWriter:
         bracket: int,
         *,
         index: int | None = None,
+        sequence: int | None = None,
     ) -> None:
         """Write a file that a camera encoded, byte for byte.
 
@@ -213,13 +222,15 @@ class RecordingWriter:
         index : int or None
             Number that the source gave the frame, above all before it, or None to count on. A gap
             stands for frames that were lost.
+        sequence : int or None
+            A live camera's own number.
         """
         index = self._next_index(index, bracket, timestamp_s)
         path = self._path(index, suffix.lower())
         with replacing(path) as partial:
             partial.write_bytes(encoded)
         sha256 = hashlib.sha256(encoded).hexdigest()
-        self._list(path, sha256, size_px, exposure, timestamp_s, bracket, index)
+        self._list(path, sha256, size_px, exposure, timestamp_s, bracket, index, sequence)
 
     def _next_index(self, index: int | None, bracket: int, timestamp_s: float) -> int:
         least, least_bracket = 0, 0
@@ -244,6 +255,7 @@ class RecordingWriter:
         timestamp_s: float,
         bracket: int,
         index: int,
+        sequence: int | None = None,
     ) -> None:
         record = FrameRecord(
             file=path.relative_to(self.folder).as_posix(),
@@ -255,8 +267,16 @@ class RecordingWriter:
             timestamp_s=float(timestamp_s),
             gain=float(exposure.gain),
             f_number=None if exposure.f_number is None else float(exposure.f_number),
+            sequence=msgspec.UNSET if sequence is None else sequence,
         )
-        self._journal.write(journal_line(record))
+        line = journal_line(record)
+        try:
+            while line:  # a disk that is nearly full takes a part of it
+                line = line[self._journal.write(line) :]
+        except OSError as error:
+            raise InputError(
+                f"{self._journal.name}: cannot be written ({error.strerror})"
+            ) from None
         self._frames.append(record)
 
     def _take_place(self) -> None:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from capture.arguments import Output
+from capture.arguments import Output, parse_size
 from capture.errors import InputError
 from capture.output import refuse_existing
 from lighting.environment_files import read_environment
@@ -16,7 +16,6 @@ from render.scene import Camera, Scene
 from render.view import auto_exposure_ev
 
 SAMPLES_PER_AXIS = 2
-MAX_SIZE_PX = 8192
 
 
 def render(
@@ -76,17 +75,6 @@ def scene_to_render(mesh: Path | None, size_px: tuple[int, int]) -> tuple[Scene,
     for note in model.notes:
         print(note)
     return frame_meshes(model.meshes, size_px)
-
-
-def parse_size(text: str) -> tuple[int, int]:
-    """(width, height) in pixels of "640x480"; InputError for anything else."""
-    width, _, height = text.lower().partition("x")
-    if not (width.isdecimal() and height.isdecimal()):
-        raise InputError(f"a size is WIDTHxHEIGHT, as in 640x480; got {text!r}")
-    size_px = int(width), int(height)
-    if not all(1 <= length <= MAX_SIZE_PX for length in size_px):
-        raise InputError(f"width and height must be 1 to {MAX_SIZE_PX}, got {text}")
-    return size_px
 
 
 def parse_exposure(text: str) -> float | None:

@@ -6,14 +6,14 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from capture.arguments import Output, WholeNumber
+from capture.arguments import Output, WholeNumber, parse_size
 from capture.errors import InputError
 from capture.output import refuse_existing
 from lighting.light_arguments import Count, Error, MethodName, most_lights
 from lighting.light_stream import LightPlan
 from lighting.reduce import ADAPTIVE
 from lighting.remap_cli import check_map_height
-from render.render_cli import parse_size, scene_to_render
+from render.render_cli import scene_to_render
 from render.replay import (
     ReplaySummary,
     capture_to_lights_ms,

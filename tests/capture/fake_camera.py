@@ -11,6 +11,7 @@ from capture.errors import CameraLost
 from capture.frame import Bracket, Exposure, Frame
 from capture.sensor import Sensor, assumed_sensor
 from capture.v4l2.camera import CameraFrame, CameraRequest
+from capture.v4l2.cycling import CameraCounters
 from tests.capture.simulated_bracket import record
 
 
@@ -60,6 +61,7 @@ class FakeCamera:
         self.pixel_format = port.pixel_format
         self.size_px = (port.radiance.shape[1], port.radiance.shape[0])
         self.is_open = True
+        self.counters = CameraCounters()
         self._sequence = 0
 
     def nearest_exposure(self, time_s: float) -> float:

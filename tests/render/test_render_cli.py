@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from capture.arguments import parse_size
 from capture.errors import InputError
 from capture.exr import read_exr
 from capture.pictures import read_picture
 from lighting.environment import EnvironmentMap
 from lighting.environment_files import write_environment
 from lighting.light_files import write_lights
-from render.render_cli import parse_exposure, parse_size, render
+from render.render_cli import parse_exposure, render
 from tests.render.light_sets import random_lights
 
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
