@@ -168,3 +168,20 @@ def test_a_broken_installation_is_one_line(missing, monkeypatch, capsys):
     error = capsys.readouterr().err
     assert "the installation is broken" in error
     assert "make setup" in error
+
+
+def test_record_starts_without_what_it_does_not_need():
+    """A small machine records: what compiles kernels, converts colours or draws stays away."""
+    program = (
+        "import sys\n"
+        "from render.app import app\n"
+        "assert app['record'].default_command is not None\n"
+        "print(*{name.partition('.')[0] for name in sys.modules})\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    loaded = set(done.stdout.split())
+    assert "cv2" in loaded
+    heavy = {"numba", "colour", "moderngl", "av", "trimesh", "scipy", "OpenEXR", "matplotlib"}
+    assert not loaded & heavy
