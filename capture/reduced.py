@@ -1,6 +1,7 @@
 """Frames as small linear pictures, for questions that do not need every pixel."""
 
 import math
+from typing import Any
 
 import cv2
 import numpy as np
@@ -31,6 +32,18 @@ def reduced_linear(frame: Frame, sensor: Sensor, step: int) -> NDArray[np.float3
         ],
         axis=-1,
     ).astype(np.float32, copy=False)
+
+
+def reduced_brightest(counts: NDArray[Any], step: int) -> NDArray[Any]:
+    """Return the largest of `step` by `step` counts, (H // step, W // step, 3)."""
+    height, width = (length // step * step for length in counts.shape[:2])
+    parts = [
+        counts[row:height:step, column:width:step] for row in range(step) for column in range(step)
+    ]
+    brightest = parts[0].copy()
+    for part in parts[1:]:
+        np.maximum(brightest, part, out=brightest)
+    return brightest
 
 
 def measured_range(sensor: Sensor, gain: float, largest_noise: float) -> tuple[float, float]:
