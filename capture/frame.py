@@ -158,12 +158,12 @@ class Bracket:
 
 
 class FrameSource(Protocol):
-    """Where brackets come from: a recording, later a live camera.
+    """Where brackets come from: a recording or a live camera.
 
     tests/capture/test_source_contract.py states what every implementation keeps to: indices rise,
-    timestamps never fall, iteration ends, and a source can be iterated again from the start. A
-    bracket that cannot be read is delivered as the error that says why, so that one damaged file
-    does not end a stream.
+    timestamps never fall, iteration ends, and a source can be iterated again: a recording from its
+    start, a camera from then on. A bracket that cannot be read is delivered as the error that says
+    why, so that one damaged file does not end a stream.
     """
 
     def __iter__(self) -> Iterator[Bracket | UnreadableFrame]: ...
