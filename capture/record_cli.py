@@ -45,9 +45,9 @@ def record_command(
         Exposure times of a bracket in seconds, such as 1/1000,1/60. They are chosen for the scene,
         and follow it, if not given.
     size
-        Size of the pictures, WIDTHxHEIGHT; the camera's largest at its rate if not given.
+        Size of the pictures, WIDTHxHEIGHT; as the camera is set if not given.
     format
-        Pixel format, such as MJPG or YUYV.
+        Pixel format, such as MJPG or YUYV; as the camera is set if not given.
     rate
         Frames per second; the highest if not given.
     brackets
