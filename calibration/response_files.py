@@ -12,8 +12,7 @@ from calibration.response import Response, sensor_with
 from capture.manifest import SensorRecord, read_manifest, sensor_record, write_manifest
 from capture.output import write_json
 from capture.sensor import Sensor
-
-SCHEMA = "fishlight-response/1"
+from capture.sensor_files import SCHEMA
 
 
 class _ResponseRecord(msgspec.Struct, frozen=True):

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from capture.arguments import Output, parse_exposures, size_text, tell
 from capture.importing import import_sources
+from capture.sensor_files import read_sensor
 
 
 def import_(
@@ -11,6 +12,7 @@ def import_(
     output: Output,
     calibration: Path | None = None,
     exposures: str | None = None,
+    response: Path | None = None,
     licence: str = "",
     source: str = "",
     force: bool = False,
@@ -31,6 +33,8 @@ def import_(
     exposures
         Exposure times in seconds, such as 0.001,0.01 or 1/1000,1/100, one for each frame of a
         bracket in the order of the files. They replace all that EXIF says about exposure.
+    response
+        The camera's response, as `calibrate response` writes it.
     licence
         What may be done with the pictures.
     source
@@ -45,6 +49,7 @@ def import_(
         calibration=calibration,
         source=source,
         licence=licence,
+        sensor=None if response is None else read_sensor(response),
         force=force,
     )
     tell(imported.notes)

@@ -67,6 +67,7 @@ def import_sources(
     calibration: Path | None = None,
     source: str = "",
     licence: str = "",
+    sensor: Sensor | None = None,
     force: bool = False,
 ) -> Imported:
     """Make a recording from a video file, from photographs or from an EXR sequence.
@@ -82,6 +83,8 @@ def import_sources(
         a video the one time of all frames.
     calibration, source, licence, force
         As in capture.recording_writer.create_recording.
+    sensor : Sensor or None
+        The camera's, where it was measured, instead of what the files tell or is assumed.
 
     Raises
     ------
@@ -103,16 +106,21 @@ def import_sources(
         force=force,
     )
     if video is None:
-        notes = _import_photographs(sources, exposures_s, create)
+        notes = _import_photographs(sources, exposures_s, sensor, create)
     else:
-        notes = _import_video(video, exposures_s, create)
+        notes = _import_video(video, exposures_s, sensor, create)
     return Imported(open_recording(folder), notes)
 
 
 def read_photo_bracket(
-    sources: Sequence[Path], exposures_s: Sequence[float] | None = None, position: int = 0
+    sources: Sequence[Path],
+    exposures_s: Sequence[float] | None = None,
+    position: int = 0,
+    sensor: Sensor | None = None,
 ) -> tuple[Bracket, Sensor, tuple[str, ...]]:
     """Return one bracket of photographs, their sensor, and what was assumed.
+
+    `sensor` is the camera's, where it was measured.
 
     Raises
     ------
@@ -126,16 +134,21 @@ def read_photo_bracket(
             f"there is no bracket {position}; the photographs form {len(plan.brackets)}, from 0 on"
         )
     photographs = plan.brackets[position]
-    bracket, sensor = _decode(photographs, position)
+    bracket, sensor = _decode(photographs, position, sensor)
     warning = _exposure_warning(bracket, sensor, photographs, given=exposures_s is not None)
     return bracket, sensor, (*plan.notes, *warning)
 
 
 def _import_photographs(
-    sources: Sequence[Path], exposures_s: Sequence[float] | None, create: Create
+    sources: Sequence[Path],
+    exposures_s: Sequence[float] | None,
+    measured: Sensor | None,
+    create: Create,
 ) -> tuple[str, ...]:
     plan = plan_brackets(find_photographs(sources), exposures_s)
-    sensor, size_px, warnings = _check_pixels(plan.brackets, given=exposures_s is not None)
+    sensor, size_px, warnings = _check_pixels(
+        plan.brackets, measured, given=exposures_s is not None
+    )
     with create(plan.camera, sensor) as writer:
         for position, photographs in enumerate(progress(plan.brackets, "copying")):
             for photograph in photographs:
@@ -153,7 +166,10 @@ def _import_photographs(
 
 
 def _import_video(
-    video: Path, exposures_s: Sequence[float] | None, create: Create
+    video: Path,
+    exposures_s: Sequence[float] | None,
+    measured: Sensor | None,
+    create: Create,
 ) -> tuple[str, ...]:
     if exposures_s is not None and len(exposures_s) != 1:
         raise InputError(
@@ -163,7 +179,7 @@ def _import_video(
     exposure = Exposure(exposures_s[0] if exposures_s else 1.0)
     frames = read_video(video)
     first = next(frames)  # a file that is no video is refused before anything is made
-    with create("", assumed_sensor(first.counts.dtype)) as writer:
+    with create("", measured or assumed_sensor(first.counts.dtype)) as writer:
         for bracket, frame in enumerate(progress(chain([first], frames), "decoding")):
             writer.write_frame(
                 frame.counts, exposure, frame.timestamp_s, bracket, index=frame.index
@@ -181,20 +197,22 @@ def _named(sources: Sequence[Path]) -> str:
 
 
 def _check_pixels(
-    brackets: Sequence[Sequence[Photograph]], *, given: bool
+    brackets: Sequence[Sequence[Photograph]], measured: Sensor | None, *, given: bool
 ) -> tuple[Sensor, tuple[int, int], list[str]]:
     """Decode every photograph; return the sensor and (width, height) that all share."""
     kinds: dict[Path, str] = {}
     warnings: list[str] = []
     for position, photographs in enumerate(progress(brackets, "checking")):
-        bracket, sensor = _decode(photographs, position)
+        bracket, sensor = _decode(photographs, position, measured)
         kinds[photographs[0].path] = _kind(bracket.frames[0])
         warnings += _exposure_warning(bracket, sensor, photographs, given=given)
     check_alike("size", list(kinds), list(kinds.values()))
     return sensor, bracket.frames[0].size_px, warnings
 
 
-def _decode(photographs: Sequence[Photograph], position: int) -> tuple[Bracket, Sensor]:
+def _decode(
+    photographs: Sequence[Photograph], position: int, measured: Sensor | None
+) -> tuple[Bracket, Sensor]:
     """Return one bracket and its sensor, after its frames were found to fit together."""
     files = [read_camera_file(photograph.path) for photograph in photographs]
     frames = [
@@ -204,7 +222,9 @@ def _decode(photographs: Sequence[Photograph], position: int) -> tuple[Bracket, 
     paths = [photograph.path for photograph in photographs]
     check_alike("size", paths, [_kind(frame) for frame in frames])
     _check_repeats(frames, paths)
-    return Bracket(tuple(frames), position), files[0].sensor()
+    sensor = measured or files[0].sensor()
+    sensor.check_counts(frames[0].counts.dtype)
+    return Bracket(tuple(frames), position), sensor
 
 
 def _check_repeats(frames: Sequence[Frame], paths: Sequence[Path]) -> None:

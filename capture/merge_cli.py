@@ -4,10 +4,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
+from capture.alignment import Alignment, align_bracket
 from capture.arguments import Output, WholeNumber, parse_exposures, size_text, tell
 from capture.errors import InputError
 from capture.exposure_check import exposure_warning
 from capture.frame import Bracket
+from capture.ghosts import find_ghosts, without_ghosts
 from capture.importing import read_photo_bracket
 from capture.manifest import MANIFEST_NAME
 from capture.merge import merge_bracket
@@ -15,6 +19,7 @@ from capture.output import refuse_existing
 from capture.radiance_files import write_radiance
 from capture.recording import open_recording
 from capture.sensor import Sensor, in_primaries
+from capture.sensor_files import read_sensor
 
 
 def merge(
@@ -22,6 +27,9 @@ def merge(
     output: Output,
     exposures: str | None = None,
     bracket: WholeNumber = 0,
+    response: Path | None = None,
+    align: bool = True,
+    ghosts: bool = True,
     primaries: Literal["rec709", "rec2020", "acescg"] = "rec709",
     force: bool = False,
 ) -> None:
@@ -38,6 +46,14 @@ def merge(
         Exposure times in seconds, as for `import`; not for a recording.
     bracket
         Which bracket, from 0.
+    response
+        The camera's response, as `calibrate response` writes it, instead of the recording's or an
+        assumed one.
+    align
+        Lay frames that moved over the darkest one, by a shift and a turn. A bracket from a tripod
+        is not touched.
+    ghosts
+        Take what moved between the exposures from one of them.
     primaries
         What the output's red, green and blue are; it names them. Rec.709 cuts off the most
         saturated colours of RAW files.
@@ -46,23 +62,54 @@ def merge(
     """
     refuse_existing(output, force=force)
     times_s = None if exposures is None else parse_exposures(exposures)
-    chosen, sensor, notes = _read_bracket(sources, times_s, bracket)
-    image = merge_bracket(chosen, in_primaries(sensor, primaries))
+    measured = None if response is None else read_sensor(response)
+    chosen, sensor, notes = _read_bracket(sources, times_s, bracket, measured)
+    sensor = in_primaries(sensor, primaries)
+    if align:
+        aligned = align_bracket(chosen, sensor)
+        chosen, sensor = aligned.bracket, aligned.sensor
+        notes += _alignment_notes(aligned.alignments)
+    image = merge_bracket(chosen, sensor)
+    moved = np.zeros(image.valid.shape, np.bool_)
+    if ghosts:
+        moved = find_ghosts(chosen, sensor)
+        image = without_ghosts(image, chosen, sensor, moved)
     write_radiance(output, image, comments=f"sensor: {sensor.source}", force=force)
     tell((f"sensor: {sensor.source}", *notes))
     print(
         f"{output}: {size_text(image.size_px)} from {len(chosen.frames)} exposures, "
         f"clipped {image.clipped.mean():.3%}, not valid {1 - image.valid.mean():.3%}"
+        + (f", ghosts {moved.mean():.3%}" if ghosts else "")
     )
 
 
+def _alignment_notes(alignments: Sequence[Alignment]) -> tuple[str, ...]:
+    notes = []
+    moved_px = [found.motion_px for found in alignments if found.is_moved]
+    if moved_px:
+        notes.append(
+            f"frames that had moved, by up to {max(moved_px):.1f} px, and were laid straight: "
+            f"{len(moved_px)} of {len(alignments)}"
+        )
+    unsure = [str(found.frame_index) for found in alignments if not found.is_certain]
+    if unsure:
+        notes.append(
+            "frames that show too little to tell whether they moved, taken to lie as the next "
+            f"darker one does: {', '.join(unsure)}"
+        )
+    return tuple(notes)
+
+
 def _read_bracket(
-    sources: Sequence[Path], exposures_s: Sequence[float] | None, position: int
+    sources: Sequence[Path],
+    exposures_s: Sequence[float] | None,
+    position: int,
+    measured: Sensor | None,
 ) -> tuple[Bracket, Sensor, tuple[str, ...]]:
     if not sources:
         raise InputError("nothing to merge: name a recording, photographs or a folder of them")
     if len(sources) > 1 or not (sources[0] / MANIFEST_NAME).is_file():
-        return read_photo_bracket(sources, exposures_s, position)
+        return read_photo_bracket(sources, exposures_s, position, measured)
     recording = open_recording(sources[0])
     if exposures_s is not None:
         raise InputError(
@@ -73,7 +120,9 @@ def _read_bracket(
             f"{sources[0]} has no bracket {position}; it has {len(recording)}, from 0 on"
         )
     chosen = recording.read_bracket(position)
-    return chosen, recording.sensor, _exposure_notes(chosen, recording.sensor)
+    sensor = measured or recording.sensor
+    sensor.check_counts(chosen.frames[0].counts.dtype)
+    return chosen, sensor, _exposure_notes(chosen, sensor)
 
 
 def _exposure_notes(bracket: Bracket, sensor: Sensor) -> tuple[str, ...]:
