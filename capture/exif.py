@@ -5,6 +5,7 @@ Fails  : cameras round exposure times to the engraved series (1/30 s is 1/32 s),
          7 % in radiance, and their clocks run free.
 """
 
+import io
 import logging
 import math
 from dataclasses import dataclass
@@ -18,6 +19,9 @@ from capture.files import check_file
 
 # exifread reports damaged and absent tags through logging; here both are None.
 logging.getLogger("exifread").addHandler(logging.NullHandler())
+
+_MAX_READS, _MAX_READ_BYTES = 100_000, 2**24
+"""A hundred times what the largest camera's directories take."""
 
 
 @dataclass(frozen=True)
@@ -58,11 +62,7 @@ def read_exif(path: Path) -> Exif:
         If the file cannot be read at all.
     """
     check_file(path)
-    try:
-        with path.open("rb") as file:
-            tags = exifread.process_file(file, details=False)
-    except Exception:  # the parser trusts offsets in the file, and fails in any way on damaged ones
-        return Exif()
+    tags = read_tags(path)
     iso = _positive(tags, "ISOSpeedRatings")
     orientation = _positive(tags, "Orientation") or 1
     return Exif(
@@ -74,6 +74,33 @@ def read_exif(path: Path) -> Exif:
         lens=_text(tags, "EXIF LensModel"),
         orientation=int(orientation) if orientation in range(1, 9) else 1,
     )
+
+
+def read_tags(path: Path) -> dict[str, Any]:
+    """Return exifread's tags by their names; none if they are damaged, or take too long."""
+    try:
+        with _MeteredFile(path) as file:
+            return exifread.process_file(file, details=False)
+    except Exception:  # the parser trusts offsets in the file, and fails in any way on damaged ones
+        return {}
+
+
+class _MeteredFile(io.FileIO):
+    """A file that can be read so often and so much.
+
+    Directories that name one another make a parser that follows them run for ever.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._reads_left, self._bytes_left = _MAX_READS, _MAX_READ_BYTES
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        self._reads_left -= 1
+        self._bytes_left -= size if size is not None and size >= 0 else _MAX_READ_BYTES
+        if self._reads_left < 0 or self._bytes_left < 0:
+            raise OSError("too much to read")
+        return super().read(size)
 
 
 def _positive(tags: dict[str, Any], name: str) -> float | None:

@@ -18,6 +18,12 @@ JPEG_START = b"\xff\xd8\xff"
 PNG_START = b"\x89PNG\r\n\x1a\n"
 TIFF_STARTS = (b"II*\0", b"MM\0*")
 
+_MAX_PARTS = 2**20
+"""Markers, chunks or strips that are looked at: more than any picture has, within half a second."""
+_TOO_MANY_PARTS = f"damaged: more than {_MAX_PARTS} parts"
+_MAX_SCANS = 100
+"""Scans of a JPEG. Encoders write about ten; each costs the decoder a pass over the picture."""
+
 
 @dataclass(frozen=True)
 class PictureHeader:
@@ -89,7 +95,8 @@ def _jpeg_segments(data: bytes) -> Iterator[tuple[int, int]]:
     Bytes after the end are legal: cameras put previews and depth maps there.
     """
     position = 2
-    while True:
+    scans = 0
+    for _ in range(_MAX_PARTS):
         if data[position] != 0xFF:
             raise ValueError("damaged: a JPEG marker is missing")
         marker = data[position + 1]
@@ -104,10 +111,14 @@ def _jpeg_segments(data: bytes) -> Iterator[tuple[int, int]]:
         yield marker, position
         position += int(struct.unpack_from(">H", data, position)[0])
         if marker == _START_OF_SCAN:
+            scans += 1
+            if scans > _MAX_SCANS:
+                raise ValueError(f"a JPEG of more than {_MAX_SCANS} scans")
             end = _MARKER_AFTER_SCAN.search(data, position)
             if end is None:
                 raise ValueError("truncated: the JPEG breaks off before its end marker")
             position = end.start()
+    raise ValueError(_TOO_MANY_PARTS)
 
 
 # ---- PNG (ISO/IEC 15948) ----
@@ -119,7 +130,7 @@ def _parse_png(data: bytes) -> PictureHeader:
     header = None
     position = len(PNG_START)
     transparent = False
-    while True:
+    for _ in range(_MAX_PARTS):
         length, kind = struct.unpack_from(">I4s", data, position)
         body = position + 8
         position = body + length + 4
@@ -134,6 +145,8 @@ def _parse_png(data: bytes) -> PictureHeader:
         transparent |= kind == b"tRNS"
         if kind == b"IEND":
             break
+    else:
+        raise ValueError(_TOO_MANY_PARTS)
     if header is None:
         raise ValueError("a PNG without a header chunk")
     width, height, channels, bits, has_alpha = header
@@ -146,6 +159,10 @@ _WIDTH, _HEIGHT, _BITS, _PHOTOMETRIC, _SAMPLES = 256, 257, 258, 262, 277
 _ORIENTATION, _SAMPLE_FORMAT = 274, 339
 _STRIP_OFFSETS, _STRIP_BYTES, _TILE_OFFSETS, _TILE_BYTES = 273, 279, 324, 325
 _BLACK_IS_ZERO, _RGB = 1, 2
+_STORAGE = (_STRIP_OFFSETS, _STRIP_BYTES, _TILE_OFFSETS, _TILE_BYTES)
+_USED_TAGS = frozenset(
+    (_WIDTH, _HEIGHT, _BITS, _PHOTOMETRIC, _SAMPLES, _ORIENTATION, _SAMPLE_FORMAT, *_STORAGE)
+)
 _TIFF_INTEGERS = {1: "B", 3: "H", 4: "I"}
 
 
@@ -175,16 +192,18 @@ def _parse_tiff(data: bytes) -> PictureHeader:
 
 
 def _tiff_tags(data: bytes) -> dict[int, tuple[int, ...]]:
-    """Return the integer tags of the first directory."""
+    """Return the integer tags of the first directory that are used here; of twins the first."""
     order = "<" if data.startswith(b"II") else ">"
     (directory,) = struct.unpack_from(order + "I", data, 4)
     (count,) = struct.unpack_from(order + "H", data, directory)
-    tags = {}
+    tags: dict[int, tuple[int, ...]] = {}
     for entry in range(directory + 2, directory + 2 + 12 * count, 12):
         tag, kind, length = struct.unpack_from(order + "HHI", data, entry)
         code = _TIFF_INTEGERS.get(kind)
-        if code is None or length == 0:
+        if code is None or length == 0 or tag not in _USED_TAGS or tag in tags:
             continue
+        if length > _MAX_PARTS:
+            raise ValueError(_TOO_MANY_PARTS)
         size = struct.calcsize(order + code) * length
         if size > len(data):
             raise ValueError("damaged: a TIFF tag is larger than the file")

@@ -17,12 +17,12 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-import exifread
 import numpy as np
 import rawpy
 from numpy.typing import NDArray
 
 from capture.errors import InputError, UnreadableFrame
+from capture.exif import read_tags
 from capture.files import check_size
 from capture.raw import BLACK_DN, WHITE_DN
 
@@ -168,13 +168,13 @@ _MATRICES = (
 def _linear_dng_white(path: Path, raw: rawpy.RawPy) -> list[float] | None:
     if raw.raw_type != rawpy.RawType.Stack:
         return None
-    levels = _numbers(_tags(path), _WHITE_LEVEL, 3)
+    levels = _numbers(read_tags(path), _WHITE_LEVEL, 3)
     return [*levels, levels[1]] if levels else None
 
 
 def _dng_colours(path: Path) -> dict[str, Any]:
     """Return DNG's colour tags; no matrices for a file of another kind."""
-    tags = _tags(path)
+    tags = read_tags(path)
     matrices = []
     for colour, calibration, forward, illuminant in _MATRICES:
         if numbers := _numbers(tags, colour, 9):
@@ -187,14 +187,6 @@ def _dng_colours(path: Path) -> dict[str, Any]:
                 }
             )
     return {"matrices": matrices, "analog_balance": _numbers(tags, _ANALOG_BALANCE, 3)}
-
-
-def _tags(path: Path) -> dict[str, Any]:
-    try:
-        with path.open("rb") as file:
-            return exifread.process_file(file, details=False)
-    except Exception:  # the parser trusts offsets in the file, and fails in any way on damaged ones
-        return {}
 
 
 def _numbers(tags: dict[str, Any], tag: str, count: int) -> list[float] | None:

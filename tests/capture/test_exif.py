@@ -1,7 +1,9 @@
 """EXIF: what is there, in SI units; None for what is not. Pillow writes the tags."""
 
+import struct
 import subprocess
 import sys
+import time
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -109,6 +111,23 @@ def test_parser_prints_nothing(tmp_path: Path) -> None:
     root = Path(__file__).resolve().parents[2]
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, cwd=root, check=True)
     assert (ran.stdout, ran.stderr) == (b"", b"")
+
+
+def test_directories_that_name_one_another_end_soon(tmp_path: Path) -> None:
+    # Five of 5000 entries each, of which every one leads to the next: 5000⁴ to be read in the last.
+    count, entry_size = 5000, 12
+    size = 2 + entry_size * count + 4
+    directories = [
+        struct.pack("<H", count)
+        + struct.pack("<HHII", 0x8825, 4, 1, 8 + size * (level + 1)) * count
+        + bytes(4)
+        for level in range(5)
+    ]
+    path = tmp_path / "a.tif"
+    path.write_bytes(b"II*\0" + struct.pack("<I", 8) + b"".join(directories) + bytes(size))
+    start_s = time.thread_time()
+    assert read_exif(path) == Exif()
+    assert time.thread_time() - start_s < 2
 
 
 def test_missing_file_is_named(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import struct
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -202,6 +203,19 @@ def test_forged_size_is_refused_before_memory_is_taken(tmp_path: Path) -> None:
         [sys.executable, "-c", program, str(path)], capture_output=True, check=True, cwd=root
     )
     assert int(ran.stdout) < 50_000  # KiB
+
+
+def test_a_table_of_millions_of_offsets_is_refused_soon(tmp_path: Path) -> None:
+    path = foreign(tmp_path / "a.exr", {"R": PIXELS})
+    content = path.read_bytes()
+    table = content.index(b"type\0string\0\x0d\0\0\0scanlineimage") + 30
+    count = 2**21
+    end = table + 8 * count
+    path.write_bytes(content[:table] + struct.pack("<Q", end) * count + struct.pack("<II", 0, 99))
+    start_s = time.thread_time()
+    with pytest.raises(UnreadableFrame, match="truncated"):
+        read_exr(path)
+    assert time.thread_time() - start_s < 1
 
 
 @pytest.mark.parametrize("content", [b"", b"A text.", b"\x76\x2f\x31\x01"])

@@ -2,6 +2,7 @@
 
 import io
 import struct
+import time
 import zlib
 from pathlib import Path
 from typing import Any
@@ -256,6 +257,32 @@ def test_picture_bomb_is_refused_before_it_is_decoded(
     for read in (read_picture, picture_size):
         with pytest.raises(UnreadableFrame, match="16384×8193 px"):
             read(path)
+
+
+PNG_CHUNK = struct.pack(">I4sI", 0, b"teSt", 0)
+JPEG_SCAN = b"\xff\xda\x00\x02"
+TIFF_TAGS = b"".join(struct.pack("<HHII", tag, 3, 2**21, 8) for tag in (258, 273))
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"\xff\xd8\xff" + b"\xff" * 2**21 + b"\xd9", "parts"),
+        (b"\xff\xd8" + JPEG_SCAN * 101 + b"\xff\xd9", "100 scans"),
+        (b"\x89PNG\r\n\x1a\n" + PNG_CHUNK * (2**20 + 1), "parts"),
+        (struct.pack("<2sHIH", b"II", 42, 8, 2) + TIFF_TAGS + bytes(2**22), "parts"),
+    ],
+    ids=["fill bytes", "scans", "chunks", "strips"],
+)
+def test_a_file_of_more_parts_than_a_picture_has_is_refused_soon(
+    tmp_path: Path, content: bytes, told: str
+) -> None:
+    path = tmp_path / "a.bin"
+    path.write_bytes(content)
+    start_s = time.thread_time()
+    with pytest.raises(UnreadableFrame, match=rf"more than .*{told}"):
+        read_picture(path)
+    assert time.thread_time() - start_s < 1
 
 
 def test_decoder_that_disagrees_with_the_header_is_not_believed(
