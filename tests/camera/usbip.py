@@ -11,7 +11,6 @@ import contextlib
 import socket
 import struct
 import threading
-import time
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
@@ -23,6 +22,7 @@ _SUBMIT, _UNLINK, _SUBMITTED, _UNLINKED = 1, 2, 3, 4
 _HEADER_BYTES = 48
 _HIGH_SPEED = 3
 _FREE_PORT = "004"
+_LOOK_S = 0.05
 _STALL, _CONNECTION_RESET = -32, -104
 
 
@@ -67,21 +67,20 @@ class VirtualDevice:
         self._server.join()
         self._socket.close()
 
-    def send_bulk(self, data: bytes, wait_s: float) -> bool:
-        """Answer the oldest bulk read; False if none came within `wait_s`."""
-        end_s = time.monotonic() + wait_s
+    def send_bulk(self, data: bytes, still_wanted: Callable[[], bool]) -> bool:
+        """Answer the next bulk read; False if the data are wanted no more before one comes."""
         with self._changed:
-            while not self._waiting and not self.gone:
-                if not self._changed.wait(max(0.0, end_s - time.monotonic())):
-                    return False
-            if self.gone:
-                return False
-            sequence, length = self._waiting.popleft()
-            if len(data) > length:
-                raise ValueError(f"{len(data)} bytes for a read of {length}")
-            # Still under the lock: the kernel drops a device that answers a read it has withdrawn.
-            self._reply(sequence, 0, data, len(data))
-        return True
+            while not self.gone and still_wanted():
+                if not self._waiting:
+                    self._changed.wait(_LOOK_S)
+                    continue
+                sequence, length = self._waiting.popleft()
+                if len(data) > length:
+                    raise ValueError(f"{len(data)} bytes for a read of {length}")
+                # Under the lock: the kernel drops a device that answers a read it has withdrawn.
+                self._reply(sequence, 0, data, len(data))
+                return True
+        return False
 
     def _serve(self) -> None:
         with contextlib.suppress(OSError, EOFError):

@@ -6,7 +6,8 @@ requests and shows in the pictures two or three frames later; every frame carrie
 
     python -S -m tests.camera.uvc_camera PICTURES LOG
 
-Input  : lines on standard input: plug, unplug, stall, resume, corrupt. Its end unplugs the camera.
+Input  : lines on standard input: plug, unplug, stall, resume, corrupt, mend. Its end unplugs the
+         camera.
 Output : a line "ok" for each; at the end, LOG: a line of JSON for each frame and each setting.
 Needs  : root, vhci-hcd, uvcvideo; nothing but Python's own modules.
 Fails  : power-line frequency, the right to slow the stream and white balance in kelvins are kept
@@ -19,6 +20,8 @@ import sys
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from tests.camera.usbip import Setup, VirtualDevice
@@ -43,7 +46,7 @@ from tests.camera.uvc_stamp import Stamp, stamped
 
 NAME = "Emulated Fisheye Camera"
 STRINGS = ("fishlight", NAME, "F15HEYE0")
-INTERVALS_100NS = (333_333, 666_667, 2_000_000)
+INTERVALS_100NS = (333_333, 500_000, 1_000_000)
 LATENCY = 2
 """A frame shows the settings of the moment at which the frame this many earlier began."""
 
@@ -65,8 +68,8 @@ class Camera:
         self._shape = StreamShape(book.formats, book.size_px, INTERVALS_100NS)
         self._configuration = configuration_descriptor(self._shape)
         self.stalled = False
-        self.corrupt_next = False
-        self.frames: list[dict[str, object]] = []
+        self.corrupt = False
+        self.frames: list[dict[str, float]] = []
         self.changes: list[tuple[float, str, int]] = []
         self._device: VirtualDevice | None = None
         self._sender: threading.Thread | None = None
@@ -77,6 +80,7 @@ class Camera:
         self._controls.changes = self.changes
         self._stream = self._stream_state(1, INTERVALS_100NS[0])
         self._streaming = threading.Event()
+        self._streams_begun = 0
         self._device = VirtualDevice(self._answer)
         self._sender = threading.Thread(target=self._send_frames, args=(self._device,), daemon=True)
         self._sender.start()
@@ -120,6 +124,7 @@ class Camera:
             _, format_index, _, interval = struct.unpack_from("<HBBI", data)
             self._stream = self._stream_state(format_index, interval)
             if selector == _COMMIT:
+                self._streams_begun += 1
                 self._streaming.set()
             return b""
         if request == GET_LEN:
@@ -145,6 +150,7 @@ class Camera:
                 time.sleep(0.01)
                 due_s = time.monotonic()
                 continue
+            stream = self._streams_begun
             _, format_index, _, interval = struct.unpack_from("<HBBI", self._stream)
             pixel_format = self._shape.formats[format_index - 1]
             begun.append(self._controls.settings())
@@ -159,7 +165,11 @@ class Camera:
             data = self._finished(key, settings, len(self.frames))
             time.sleep(max(0.0, due_s - time.monotonic()))
             due_s = max(due_s, time.monotonic() - interval * 1e-7)
-            self._send(device, data, {"exposure": exposure, "automatic": is_automatic})
+            facts = {"exposure": exposure, "automatic": is_automatic}
+            self._send(device, data, facts, partial(self._runs, stream))
+
+    def _runs(self, stream: int) -> bool:
+        return self._streaming.is_set() and stream == self._streams_begun
 
     def _step_towards_automatic(self, exposure: int) -> int:
         steps = self._book.exposures
@@ -176,11 +186,17 @@ class Camera:
         stamp = Stamp(number & 0xFFFF, key.exposure, key.gain)
         return stamped(picture, key.pixel_format, self._shape.size_px[0], stamp)
 
-    def _send(self, device: VirtualDevice, data: bytes, facts: dict[str, object]) -> None:
+    def _send(
+        self,
+        device: VirtualDevice,
+        data: bytes,
+        facts: dict[str, int],
+        still_wanted: Callable[[], bool],
+    ) -> None:
         number = len(self.frames)
-        facts |= {"frame": number, "time_s": time.monotonic(), "corrupt": self.corrupt_next}
-        if self.corrupt_next:
-            self.corrupt_next = False
+        facts |= {"frame": number, "corrupt": self.corrupt}
+        begun_s = time.monotonic()
+        if self.corrupt:
             data = data[: len(data) * 3 // 5]
         size = _PAYLOAD_BYTES - 2
         starts = range(0, len(data), size)
@@ -188,9 +204,8 @@ class Camera:
         for start in starts:
             flags = _END_OF_HEADER | number & 1 | (_END_OF_FRAME if start == starts[-1] else 0)
             payload = bytes((2, flags)) + data[start : start + size]
-            while sent and not device.send_bulk(payload, 0.2):
-                sent = self._streaming.is_set() and not device.gone
-        self.frames.append({**facts, "sent": sent})
+            sent = sent and device.send_bulk(payload, still_wanted)
+        self.frames.append({**facts, "time_s": begun_s, "sent": sent})
 
 
 def _shifted(offset: int) -> bytes:
@@ -211,7 +226,9 @@ def main(pictures: Path, log: Path) -> None:
             case "resume":
                 camera.stalled = False
             case "corrupt":
-                camera.corrupt_next = True
+                camera.corrupt = True
+            case "mend":
+                camera.corrupt = False
             case other:
                 raise SystemExit(f"no such command: {other}")
         print("ok", flush=True)

@@ -4,7 +4,6 @@ Input  : what scene_pictures.py wrote.    Output : bytes, without numpy.
 """
 
 import json
-import mmap
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,8 +30,7 @@ class PictureBook:
         self._places = {
             PictureKey(*key): [tuple(place) for place in places] for *key, places in index["places"]
         }
-        with (folder / "pictures.bin").open("rb") as file:
-            self._data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        self._data = (folder / "pictures.bin").read_bytes()
 
     def picture(self, key: PictureKey, number: int) -> bytearray:
         """Return frame `number`: the noise repeats only after a few frames."""

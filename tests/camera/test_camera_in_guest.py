@@ -1,0 +1,178 @@
+"""A camera from its driver to radiance: one guest, whose outcomes are judged here.
+
+In the guest stands the emulated camera (uvc_camera.py) at the kernel's own uvcvideo driver, and
+camera_schedule.py does all that these tests ask about. Each frame bears its true exposure, and the
+scene's radiance is known.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from capture.merge import merge_bracket
+from capture.recording import open_recording
+from tests.camera.camera_schedule import BRACKETS, TIMES_S
+from tests.camera.required_guest import run_schedule
+from tests.camera.scene_pictures import UNIT_S, PictureSet, patches, write_pictures
+from tests.camera.uvc_stamp import stamp_of_counts, stamp_of_data
+
+pytestmark = pytest.mark.camera
+
+SIDE_PX = 16
+
+Facts = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Session:
+    """What came out of the guest."""
+
+    share: Path
+    steps: dict[str, Facts]
+    sent: dict[int, Facts]
+    """Of each frame that the camera sent, by its number."""
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
+    share = tmp_path_factory.mktemp("guest")
+    (share / "pictures").mkdir()
+    write_pictures(share / "pictures", patches(), PictureSet())
+    run_schedule("camera_schedule", share, ["vhci_hcd", "uvcvideo"])
+    steps, sent = lines(share / "report.jsonl"), lines(share / "camera.jsonl")
+    return Session(
+        share,
+        {step["step"]: step for step in steps},
+        {facts["frame"]: facts for facts in sent if "frame" in facts},
+    )
+
+
+def lines(path: Path) -> list[Facts]:
+    return [json.loads(line) for line in path.read_text().splitlines()]
+
+
+def outcome(session: Session, name: str) -> Facts:
+    step = session.steps[name]
+    assert "error" not in step, step["error"]
+    return step
+
+
+def test_exposure_set_in_automatic_mode_is_refused_by_name(session: Session) -> None:
+    refusal = outcome(session, "automatic")["refusal"]
+    assert refusal.startswith("InputError: ")
+    assert "Exposure" in refusal
+    assert "automatic" in refusal
+    assert "\n" not in refusal
+
+
+def test_no_frame_is_mislabelled(session: Session) -> None:
+    step = outcome(session, "brackets")
+    brackets = [*step["brackets"], step["after_pause"]]
+    assert [len(bracket) for bracket in brackets] == [len(TIMES_S)] * (BRACKETS + 1)
+    for frame in (frame for bracket in brackets for frame in bracket):
+        assert_labelled(session, frame)
+
+
+def test_frames_after_a_pause_are_new(session: Session) -> None:
+    step = outcome(session, "brackets")
+    numbers = [frame["stamp"][0] for frame in step["after_pause"]]
+    assert all(session.sent[number]["time_s"] > step["resumed_s"] for number in numbers)
+    assert step["counters"]["stale"] > 0  # the queue was full of old ones
+
+
+def assert_labelled(session: Session, frame: Facts) -> None:
+    number, exposure, gain = frame["stamp"]
+    assert frame["time_s"] == pytest.approx(exposure * UNIT_S)
+    assert (frame["gain"], gain) == (1.0, 0)
+    assert session.sent[number]["exposure"] == exposure
+    assert not session.sent[number]["automatic"]
+
+
+def test_corrupt_frames_are_told_and_are_no_part_of_a_bracket(session: Session) -> None:
+    step = outcome(session, "faults")
+    assert step["corrupt"].startswith("UnreadableFrame: ")
+    assert step["counters"]["errors"] > 0
+    for frame in step["mended"]:
+        assert_labelled(session, frame)
+        assert not session.sent[frame["stamp"][0]]["corrupt"]
+
+
+def test_stalled_camera_is_told_in_bounded_time(session: Session) -> None:
+    step = outcome(session, "faults")
+    (error,) = step["stall"]
+    assert error.startswith("CameraStalled: ")
+    assert step["stall_s"] < 10
+    for frame in step["resumed"]:
+        assert_labelled(session, frame)
+
+
+def test_unplugged_camera_is_told_and_opens_again(session: Session) -> None:
+    step = outcome(session, "faults")
+    (error,) = step["unplug"]
+    assert error.startswith("CameraLost: ")
+    assert step["unplug_s"] < 2
+    for frame in step["replugged"]:
+        assert_labelled(session, frame)  # it came back automatic, as from the factory
+
+
+@pytest.mark.parametrize("pixel_format", ["YUYV", "MJPG"])
+def test_recording_is_complete(session: Session, pixel_format: str) -> None:
+    name = f"recorded-{pixel_format}"
+    step = outcome(session, f"record {pixel_format}")
+    assert step["status"] == 0, (session.share / "recordings" / f"{name}.log").read_text()
+    recording = open_recording(session.share / "recordings" / name)
+    assert len(recording) == BRACKETS
+    assert not (session.share / "recordings" / name / "frames.jsonl").exists()
+
+
+def test_recording_of_a_killed_recorder_is_readable(session: Session) -> None:
+    assert outcome(session, "kill RG16")["status"] == -9
+    recording = open_recording(session.share / "recordings" / "killed-RG16")
+    assert len(recording) >= 2
+    assert len(recording.read_bracket(1).frames) == len(TIMES_S)
+
+
+@pytest.mark.parametrize("name", ["recorded-YUYV", "recorded-MJPG", "killed-RG16"])
+def test_recorded_frames_are_labelled_with_their_true_exposure(session: Session, name: str) -> None:
+    recording = open_recording(session.share / "recordings" / name)
+    for record in recording.manifest.frames:
+        path = session.share / "recordings" / name / record.file
+        if path.suffix == ".jpg":
+            stamp = stamp_of_data(path.read_bytes(), "MJPG", 160)
+        else:
+            frames = recording.read_bracket(record.bracket).frames
+            (frame,) = (frame for frame in frames if frame.index == record.index)
+            stamp = stamp_of_counts(frame.counts)
+        assert record.time_s == pytest.approx(stamp.exposure * UNIT_S)
+        assert session.sent[stamp.frame]["exposure"] == stamp.exposure
+        assert stamp.gain == 0
+
+
+@pytest.mark.parametrize("name", ["recorded-YUYV", "recorded-MJPG", "killed-RG16"])
+def test_merged_radiance_is_that_of_the_scene(session: Session, name: str) -> None:
+    recording = open_recording(session.share / "recordings" / name)
+    truth = centres(patches())
+    for index in range(2):
+        image = merge_bracket(recording.read_bracket(index), recording.sensor)
+        found, seen = centres(image.radiance), centres(image.valid & ~image.clipped)
+        ratio = found / truth
+        covered = truth.max(axis=-1) * TIMES_S[0] < 0.9
+        print(
+            name,
+            index,
+            ratio[covered].min(),
+            ratio[covered].max(),
+            ratio[covered].mean(),
+            seen[covered].mean(),
+        )
+
+
+def centres(picture: Any) -> Any:
+    """Mean over the inner half of each square of the scene."""
+    rows = np.asarray(picture, float)[:112]
+    squares = rows.reshape(7, SIDE_PX, 10, SIDE_PX, -1)
+    return squares[:, 4:12, :, 4:12].mean(axis=(1, 3))
