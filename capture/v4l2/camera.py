@@ -175,7 +175,7 @@ class BracketCamera:
             if contradiction is None:
                 return tuple(map(_camera_frame, exposed))
             self.counters.contradictions += 1
-        self.settling, self.sensor, self._cycle = self._calibrate()
+        self.settling, _, self._cycle = self._calibrate()
         raise UnreadableFrame(
             f"{self.name}: frames contradict their exposures ({contradiction}), because the light "
             "changes or the camera does not keep to its settings"

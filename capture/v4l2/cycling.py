@@ -17,14 +17,11 @@ from typing import Any, NamedTuple
 from numpy.typing import NDArray
 
 from capture.errors import CameraStalled, UnreadableFrame
-from capture.v4l2.settling import SetExposure, Settling
+from capture.v4l2.settling import RECENT, SetExposure, Settling, earliest_stamp
 from capture.v4l2.stream import Delivery, FrameStream
 
 _STALE = 3.0
 """Frame intervals after which a frame that waited is stale: one is sent, one is exposed."""
-
-_UNSTEADY = 0.25
-"""Frame intervals by which a stamp may differ from an even rate, before it is not trusted."""
 
 _LEAST_MARGIN = 0.15
 """Frame intervals of certainty to keep on either side of a frame, for settings that come late."""
@@ -43,7 +40,7 @@ class CameraCounters:
     Attributes
     ----------
     skipped_settling : int
-        On the way from one exposure to another, or stamped unsteadily.
+        On the way from one exposure to another, or stamped so late that it may be.
     surplus : int
         Of a known exposure that was not wanted again.
     errors : int
@@ -107,7 +104,7 @@ class ExposureCycle:
         self._settling = settling
         self._counters = counters
         self._settings: deque[_Setting] = deque(maxlen=_LOG)
-        self._last: Delivery | None = None
+        self._recent: deque[Delivery] = deque(maxlen=RECENT)
         self._aimed_s = 0.0  # the frame that the last setting was meant for
         interval_s = settling.frame_interval_s
         self._stride = ceil(settling.doubt_s / interval_s + 2 * _LEAST_MARGIN)
@@ -172,9 +169,9 @@ class ExposureCycle:
             return self._stream.now_s() + self._lead_s
         interval_s = self._settling.frame_interval_s
         now_s = self._stream.now_s()
-        if self._last is None or now_s - self._last.timestamp_s > _STALE * interval_s:
+        if not self._recent or now_s - self._recent[-1].timestamp_s > _STALE * interval_s:
             return None  # when frames come is seen from the next one
-        last_s = self._last.timestamp_s
+        last_s = earliest_stamp(self._recent, interval_s)
         after_aimed_s = self._aimed_s + (self._stride - 0.5) * interval_s
         earliest_s = max(now_s - self._margin_s / 2 + self._lead_s, after_aimed_s)
         return last_s + interval_s * max(ceil((earliest_s - last_s) / interval_s), 1)
@@ -182,7 +179,9 @@ class ExposureCycle:
     def _choose(self, aim_s: float, missing: list[float], times_s: list[float]) -> float:
         """Return what to expose the frame at `aim_s` by: the first that no frame before it has."""
         interval_s = self._settling.frame_interval_s
-        stamp_s = aim_s if self._last is None else self._last.timestamp_s + interval_s
+        stamp_s = aim_s
+        if self._recent:
+            stamp_s = earliest_stamp(self._recent, interval_s) + interval_s
         ahead = ceil((aim_s - stamp_s) / interval_s)
         wanted = [*missing, *times_s * (1 + ahead // len(times_s))]
         while stamp_s < aim_s - interval_s / 2:
@@ -215,10 +214,10 @@ class ExposureCycle:
         self, delivery: Delivery, fresh_s: float, missing: Sequence[float]
     ) -> Exposed | None:
         """Return the frame with its exposure if it is one of those missing; else None. Counts."""
-        before, self._last = self._last, delivery
         self._counters.frames += 1
-        if before is not None:
-            self._counters.gaps += max(delivery.sequence - before.sequence - 1, 0)
+        if self._recent:
+            self._counters.gaps += max(delivery.sequence - self._recent[-1].sequence - 1, 0)
+        self._recent.append(delivery)
         if delivery.timestamp_s < fresh_s:
             self._counters.stale += 1
             return None
@@ -226,7 +225,8 @@ class ExposureCycle:
             self._counters.errors += 1
             return None
         setting = self._setting_at(delivery.timestamp_s)
-        if setting is None or not self._is_steady(before, delivery):
+        earliest_s = earliest_stamp(self._recent, self._settling.frame_interval_s)
+        if setting is None or setting is not self._setting_at(earliest_s):
             self._counters.skipped_settling += 1
             return None
         if setting.wanted_s not in missing:
@@ -239,16 +239,3 @@ class ExposureCycle:
             return None
         self._counters.used += 1
         return Exposed(delivery, setting.wanted_s, setting.actual_s, samples)
-
-    def _is_steady(self, before: Delivery | None, delivery: Delivery) -> bool:
-        """Tell whether a stamp follows the one before by whole intervals.
-
-        One that does not came late, so that it says nothing of when the frame was exposed; neither
-        does the next one, seen from it.
-        """
-        if before is None:
-            return True
-        intervals = (delivery.timestamp_s - before.timestamp_s) / self._settling.frame_interval_s
-        if intervals > _STALL_INTERVALS:
-            return True
-        return round(intervals) >= 1 and abs(intervals - round(intervals)) <= _UNSTEADY

@@ -7,9 +7,9 @@ Cost   : about 60 frames.
 Fails  : in a picture that does not depend on exposure (a covered lens), which is refused.
 """
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from statistics import median
 from typing import NamedTuple
 
@@ -21,6 +21,9 @@ SetExposure = Callable[[float], float]
 
 START_S = 10.0
 """Longest wait for a first frame: some cameras take seconds to start."""
+
+RECENT = 6
+"""Frames whose stamps tell together how late each of them is."""
 
 _STEPS = 12
 _LEVEL_FRAMES = 12  # more than any camera's delay
@@ -76,6 +79,18 @@ class _Step(NamedTuple):
     first_new_s: float
 
 
+def earliest_stamp(recent: Sequence[Delivery], interval_s: float) -> float:
+    """Return when the last of some frames would have been stamped, had none of them been late.
+
+    The truth lies between this and the last frame's own stamp: a machine that is busy stamps late,
+    never early.
+    """
+    last = recent[-1]
+    return min(
+        frame.timestamp_s + (last.sequence - frame.sequence) * interval_s for frame in recent
+    )
+
+
 def measure_settling(
     stream: FrameStream,
     set_exposure: SetExposure,
@@ -113,22 +128,19 @@ def measure_settling(
     for index in range(_STEPS):
         to_bright = index % 2 == 1  # the last level was the bright one
         frames.read_until(stream.now_s() + index / _STEPS * interval_s)
-        steps.append(
-            _step(
-                frames, set_exposure, times_s[to_bright], levels[not to_bright], levels[to_bright]
-            )
-        )
+        old, new = levels[not to_bright], levels[to_bright]
+        steps.append(_step(frames, interval_s, set_exposure, times_s[to_bright], old, new))
     return _bounds(steps, frames.interval_s())
 
 
 class _FrameLog:
-    """Stamps and levels of the whole frames that came, in order."""
+    """Stamps and levels of the frames that came, in order, damaged ones left out."""
 
     def __init__(self, stream: FrameStream, level_of: Callable[[bytes], float]) -> None:
         self.stream = stream
         self.levels: list[float] = []
-        self.stamps_s: list[float] = []
-        self._sequences: list[int] = []
+        self.recent: deque[Delivery] = deque(maxlen=RECENT)
+        self._moments: list[tuple[int, float]] = []
         self._level_of = level_of
 
     def read(self) -> None:
@@ -144,11 +156,17 @@ class _FrameLog:
                 self._take(delivery)
 
     def interval_s(self) -> float:
-        """Return the median time between frames that follow one another."""
-        moments = list(zip(self._sequences, self.stamps_s, strict=True))
+        """Return the time between frames: the median over stretches of a quarter of those seen.
+
+        Stretches average out what single stamps are late by, and one frame that was lost unseen
+        lengthens fewer than half of them.
+        """
+        stretch = len(self._moments) // 4
         return median(
             (later_s - earlier_s) / (later - earlier)
-            for (earlier, earlier_s), (later, later_s) in pairwise(moments)
+            for (earlier, earlier_s), (later, later_s) in zip(
+                self._moments, self._moments[stretch:], strict=False
+            )
             if later > earlier
         )
 
@@ -164,23 +182,28 @@ class _FrameLog:
         if delivery.is_damaged or not delivery.data:
             return False
         self.levels.append(self._level_of(delivery.data))
-        self.stamps_s.append(delivery.timestamp_s)
-        self._sequences.append(delivery.sequence)
+        self.recent.append(delivery)
+        self._moments.append((delivery.sequence, delivery.timestamp_s))
         return True
 
 
 def _step(
-    frames: _FrameLog, set_exposure: SetExposure, time_s: float, old: float, new: float
+    frames: _FrameLog,
+    interval_s: float,
+    set_exposure: SetExposure,
+    time_s: float,
+    old: float,
+    new: float,
 ) -> _Step:
     """Set an exposure, and read until two frames running have its level."""
     begun_s = frames.stream.now_s()
     set_exposure(time_s)
     done_s = frames.stream.now_s()
-    last_old_s = last_unsettled_s = frames.stamps_s[-1]
+    last_old_s = last_unsettled_s = frames.recent[-1].timestamp_s
     first_changed_s = first_new_s = None
     for _ in range(_MOST_FRAMES):
         frames.read()
-        stamp_s = frames.stamps_s[-1]
+        stamp_s = earliest_stamp(frames.recent, interval_s)
         share = (frames.levels[-1] - old) / (new - old)
         if share < _OLD:
             last_old_s, first_changed_s = stamp_s, None

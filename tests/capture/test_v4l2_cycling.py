@@ -122,6 +122,13 @@ def test_a_camera_whose_delay_varies_is_slower_but_not_wrong(wander_s: float) ->
     assert 8 < run.frames_per_bracket < 20
 
 
+def test_stamps_a_third_of_a_frame_late_on_the_average_hardly_mislead() -> None:
+    """As of a machine that stands still now and then; the pixels' check is the second line."""
+    runs = [Run(SimulatedCamera(jitter_s=0.01, seed=seed)).collect(20) for seed in range(10)]
+    assert sum(run.mislabelled for run in runs) <= 1  # of 600
+    assert np.mean([run.frames_per_bracket for run in runs]) < 9
+
+
 def test_equal_exposures_take_a_frame_each() -> None:
     run = Run(SimulatedCamera()).collect(20, times_s=(0.01, 0.01, 0.001))
     assert run.mislabelled == 0
@@ -200,7 +207,7 @@ def test_late_stamps_are_not_trusted() -> None:
     camera.late = dict.fromkeys(range(130, 400, 10), 0.6 / 30)
     run.collect(60)
     assert run.mislabelled == 0
-    assert run.counters.skipped_settling > 20
+    assert run.counters.skipped_settling > 15
 
 
 def test_unplugging_and_silence_end_a_bracket() -> None:
