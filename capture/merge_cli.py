@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from capture.importing import read_photo_bracket
 from capture.manifest import MANIFEST_NAME
 from capture.merge import merge_bracket
 from capture.output import refuse_existing
+from capture.primaries import PrimariesName
 from capture.radiance_files import write_radiance
 from capture.recording import open_recording
 from capture.sensor import Sensor, in_primaries
@@ -30,7 +30,7 @@ def merge(
     response: Path | None = None,
     align: bool = True,
     ghosts: bool = True,
-    primaries: Literal["rec709", "rec2020", "acescg"] = "rec709",
+    primaries: PrimariesName = "rec709",
     force: bool = False,
 ) -> None:
     """Merge one bracket to linear radiance.

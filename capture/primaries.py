@@ -4,13 +4,17 @@ The matrices are colour-science's, which takes two seconds to import: it is impo
 file calls for it.
 """
 
+from typing import Literal
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 REC709 = np.array([[0.640, 0.330], [0.300, 0.600], [0.150, 0.060], [0.3127, 0.3290]])
 """CIE xy of red, green, blue and white (ITU-R BT.709-6, item 1)."""
 
-PRIMARIES = {
+PrimariesName = Literal["rec709", "rec2020", "acescg"]
+
+PRIMARIES: dict[PrimariesName, NDArray[np.float64]] = {
     "rec709": REC709,
     "rec2020": np.array([[0.708, 0.292], [0.170, 0.797], [0.131, 0.046], [0.3127, 0.3290]]),
     "acescg": np.array([[0.713, 0.293], [0.165, 0.830], [0.128, 0.044], [0.32168, 0.33767]]),

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from capture.arrays import read_only
 from capture.errors import InputError
+from capture.primaries import PrimariesName
 
 RELATIVE = "relative"
 """Scale of radiance without an absolute calibration."""
@@ -32,8 +33,8 @@ class RadianceImage:
         True where even the shortest exposure was full in some channel.
     scale : str
         "relative", or the unit after an absolute calibration.
-    primaries : str
-        Key of capture.primaries.PRIMARIES. All but files of radiance are "rec709".
+    primaries : "rec709", "rec2020" or "acescg"
+        Every stage takes Rec.709; others are for other programs.
     """
 
     radiance: NDArray[np.float32]
@@ -41,7 +42,7 @@ class RadianceImage:
     valid: NDArray[np.bool_]
     clipped: NDArray[np.bool_]
     scale: str = RELATIVE
-    primaries: str = "rec709"
+    primaries: PrimariesName = "rec709"
 
     def __post_init__(self) -> None:
         radiance = read_only("radiance", self.radiance, np.float32, (None, None, 3))

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from capture.errors import InputError
 from capture.exr import read_exr, write_exr
-from capture.primaries import PRIMARIES, REC709, are_rec709, to_rec709
+from capture.primaries import PRIMARIES, REC709, PrimariesName, are_rec709, to_rec709
 from capture.radiance import RELATIVE, Cleaned, RadianceImage, check_scale, clean_radiance
 from capture.radiance_hdr import read_radiance_hdr, write_radiance_hdr
 
@@ -86,13 +86,13 @@ def write_hdr(
     clipped: NDArray[np.bool_] | None = None,
     variance: NDArray[np.floating] | None = None,
     scale: str = RELATIVE,
-    primaries: str = "rec709",
+    primaries: PrimariesName = "rec709",
     attributes: Mapping[str, Any] | None = None,
     force: bool = True,
 ) -> None:
     """Write linear RGB, (H, W, 3), and its marks to an .exr or .hdr file.
 
-    The file names the primaries, a key of capture.primaries.PRIMARIES, by their chromaticities.
+    The file names the primaries by their chromaticities.
 
     A .hdr file holds the colours only: marks, variance, scale and attributes are lost.
 

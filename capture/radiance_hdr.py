@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from capture.errors import InputError, UnreadableFrame
 from capture.files import check_size, read_bytes
 from capture.output import replacing
-from capture.primaries import PRIMARIES, REC709, rgb_to_xyz
+from capture.primaries import PRIMARIES, REC709, PrimariesName, rgb_to_xyz
 
 _MAGIC = (b"#?RADIANCE", b"#?RGBE")
 _MAX_HEADER_BYTES = 2**16
@@ -82,11 +82,13 @@ def read_radiance_hdr(path: Path) -> tuple[NDArray[np.float32], dict[str, str]]:
 
 
 def write_radiance_hdr(
-    path: Path, rgb: NDArray[np.floating], primaries: str = "rec709", *, force: bool = True
+    path: Path,
+    rgb: NDArray[np.floating],
+    primaries: PrimariesName = "rec709",
+    *,
+    force: bool = True,
 ) -> None:
     """Write linear RGB, (H, W, 3), finite and not negative; mantissas are rounded.
-
-    `primaries` is a key of capture.primaries.PRIMARIES.
 
     Raises
     ------

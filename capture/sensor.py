@@ -14,7 +14,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from capture.arrays import read_only
 from capture.errors import InputError
-from capture.primaries import PRIMARIES, to_rec709
+from capture.primaries import PRIMARIES, PrimariesName, to_rec709
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +41,8 @@ class Sensor:
     colour_matrix : (3, 3) float64, or None
         Linear Rec.709 (or RGB of the primaries that `in_primaries` chose) of linear values of the
         three channels; None takes these for Rec.709.
-    primaries : str
-        Key of capture.primaries.PRIMARIES: what radiance becomes.
+    primaries : "rec709", "rec2020" or "acescg"
+        What radiance becomes.
     """
 
     black_dn: float
@@ -54,7 +54,7 @@ class Sensor:
     source: str = "assumed linear"
     response_deviation: NDArray[np.float64] | None = None
     colour_matrix: NDArray[np.float64] | None = None
-    primaries: str = "rec709"
+    primaries: PrimariesName = "rec709"
 
     def __post_init__(self) -> None:
         if not 0 <= self.black_dn < self.white_dn:
@@ -136,16 +136,8 @@ class Sensor:
         return photons + (self.read_noise_e / electrons) ** 2 + self.step_variance_table()
 
 
-def in_primaries(sensor: Sensor, name: str) -> Sensor:
-    """Return the sensor whose radiance is linear RGB of these primaries.
-
-    Raises
-    ------
-    InputError
-        If `name` is no key of capture.primaries.PRIMARIES.
-    """
-    if name not in PRIMARIES:
-        raise InputError(f"primaries {name!r} are not known; wanted {', '.join(PRIMARIES)}")
+def in_primaries(sensor: Sensor, name: PrimariesName) -> Sensor:
+    """Return the sensor whose radiance is linear RGB of these primaries."""
     if name == sensor.primaries:
         return sensor
     old, new = (to_rec709(PRIMARIES[each]) for each in (sensor.primaries, name))

@@ -69,7 +69,9 @@ STRANGE = st.one_of(
     st.sampled_from([0.5, -0.0, 1e-320, 1e300, -1e300, 1e-9, 1e9]),
     st.text(max_size=6),
     st.sampled_from(["/etc/passwd", "../a.png", "a\0b", "frames", ".", "linear", "\x1b[2J", "é"]),
-    st.sampled_from([[], {}, [[]], [1.0] * 3, [[1.0] * 3] * 3, [[0.0] * 3] * 256]),
+    st.sampled_from([[], {}, [[]], [1.0] * 3, [[1.0] * 3] * 3, [[0.0] * 3] * 256]).map(
+        copy.deepcopy
+    ),
 )
 
 

@@ -8,9 +8,13 @@ import pytest
 
 from capture import decoding
 from capture.errors import InputError, UnreadableFrame
+from capture.exr import read_exr
 from capture.frame import Bracket, Exposure, Frame
 from capture.importing import import_sources, read_photo_bracket
 from capture.merge import merge_bracket
+from capture.merge_cli import merge
+from capture.primaries import PRIMARIES
+from capture.radiance_files import read_radiance
 from capture.raw import BLACK_DN, WHITE_DN, raw_sensor, read_raw
 from capture.recording import open_recording
 from capture.sensor import Sensor
@@ -223,6 +227,23 @@ def test_a_recording_of_raw_files_keeps_their_sensor(bracket: Any, tmp_path: Pat
     image = merge_bracket(recording.read_bracket(0), recording.sensor)
     assert_within_steps(middles(image.radiance)[1:], radiance[1:], recording.sensor)
     assert "D65" in recording.sensor.source
+
+
+def test_the_command_names_sensor_and_primaries_and_is_read_back(
+    bracket: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    radiance, paths = bracket
+    output = tmp_path / "a.exr"
+    merge(*paths, output=output, primaries="acescg")
+    told = capsys.readouterr().err
+    assert "black 510/512/516/514, white 16383" in told  # R, G, B, second G
+    assert "colour matrix of the file for D65, daylight white" in told
+    attributes = read_exr(output).attributes
+    assert attributes["chromaticities"] == pytest.approx(PRIMARIES["acescg"].ravel())
+    assert "daylight white" in attributes["comments"]
+    found = middles(read_radiance(output)[0].radiance)[1:]
+    sensor = raw_sensor(read_raw(paths[0])[1])
+    assert_within_steps(found, radiance[1:], sensor)
 
 
 def test_a_recording_with_levels_of_old_is_refused(bracket: Any, tmp_path: Path) -> None:
