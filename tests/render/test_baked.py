@@ -10,7 +10,7 @@ from lighting.environment import EnvironmentMap
 from lighting.light_set import LightSet
 from render import baked
 from render.baked import BakedRenderer
-from render.default_scene import sphere
+from render.default_scene import default_scene, sphere
 from render.renderer import Renderer
 from render.scene import Camera, Ground, Material, Scene
 from tests.render.brute_force import SphereScene, as_points, away_from_outlines, trace
@@ -84,6 +84,16 @@ def test_gloss(ctx, material, bound):
         rmse, mean_error = errors(renderer.render(lights), lights, scene)
     assert rmse < bound
     assert mean_error < 0.01
+
+
+def test_point_lights_as_shadow_maps_draw_them(ctx):
+    """Objects in each other's shadow: but for the pixels on shadows' edges the pictures agree."""
+    scene, camera = default_scene((64, 48))
+    lights = random_lights(6, seed=4)
+    with Renderer(ctx, scene, camera) as drawn, BakedRenderer(ctx, scene, camera) as renderer:
+        expected, picture = drawn.render(lights)[..., :3], renderer.render(lights)[..., :3]
+    differs = np.abs(picture - expected).max(axis=-1) > 0.02 * expected.mean()
+    assert differs.mean() < 0.02
 
 
 def test_without_a_ground_light_comes_from_below(ctx):

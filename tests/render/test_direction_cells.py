@@ -58,6 +58,16 @@ def test_a_light_is_where_it_was():
     assert math.degrees(math.acos(mean @ direction / np.linalg.norm(mean))) < 1
 
 
+@pytest.mark.parametrize("radius_deg", [8, 10, 15])
+def test_a_disc_spreads_no_wider_than_it_is(radius_deg):
+    """Else its cells would need more power for a surface that faces it to receive as much."""
+    direction = np.array([0.1, 0.9, 0.0]) / math.hypot(0.1, 0.9)
+    light = spread_over_cells(
+        UPPER, direction[None], np.ones((1, 3)), np.array([math.radians(radius_deg)])
+    )
+    np.testing.assert_allclose(light.sum(axis=0), 1, atol=0.0035)
+
+
 def test_a_narrow_light_moves_without_steps():
     """A hundredth of a cell's width on, no more than a twentieth of the light is elsewhere."""
     angle = np.linspace(0.2, 0.6, 1 + int(0.4 / (0.01 * UPPER.width_rad)))
