@@ -135,6 +135,11 @@ def choose_format(
             f"{given.fourcc} {current.width}×{current.height}; {fourcc} comes in "
             f"{_join(list_sizes(node, fourcc))}"
         )
+    if given.bytes_per_line and (current.width % 2 or current.height % 2):
+        raise InputError(
+            f"{node.path} ({node.card}): {fourcc} {current.width}×{current.height} has an odd "
+            "side, in which colours that pixels share do not come out even"
+        )
     if current.field != kernel.FIELD_NONE:
         raise InputError(f"{node.path} ({node.card}): sends interlaced half pictures")
     return given

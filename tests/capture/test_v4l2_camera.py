@@ -1,0 +1,166 @@
+"""The camera as a whole, on a simulated node and stream: GREY pictures of 16 × 16 px."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import capture.v4l2.camera
+from capture.errors import CameraLost, CameraStalled, InputError, UnreadableFrame
+from capture.merge import merge_bracket
+from capture.v4l2.camera import BracketCamera, CameraRequest, open_camera
+from capture.v4l2.stream import Delivery
+from tests.capture.simulated_camera import SCENE, SimulatedCamera
+from tests.capture.simulated_node import EXPOSURE, GAIN, SimulatedNode
+
+TIMES_S = (0.0005, 0.004, 0.03)
+
+
+class PictureStream(SimulatedCamera):
+    """Sends pictures of SCENE; `truth_s` holds their exposures by sequence number."""
+
+    truth_s: dict[int, float]
+    closed = 0
+
+    def next_frame(self, timeout_s: float) -> Delivery | None:
+        delivery = super().next_frame(timeout_s)
+        if delivery is None:
+            return None
+        self.truth_s[delivery.sequence] = self.exposure_of(delivery.data)
+        return replace(delivery, data=self.look(delivery.data).tobytes())
+
+    def close(self) -> None:
+        self.closed += 1
+
+
+class Rig:
+    """What open_camera finds: a node whose exposure control acts on a stream."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, **stream: Any) -> None:
+        self.stream = PictureStream(**stream)
+        self.stream.truth_s = {}
+        self.node: Any = SimulatedNode(
+            formats={"GREY": [(16, 16), (15, 16)]}, intervals=[(1, 30)], present=("GREY", 16, 16)
+        )
+        self.node.given = {"bytesperline": 16}
+        self.node.closed = 0
+        self.node.close = self._close_node
+        self.node.control(EXPOSURE).keeps = lambda value: round(
+            self.stream.set_exposure(value * 1e-4) * 1e4
+        )
+        module = capture.v4l2.camera
+        monkeypatch.setattr(module, "find_camera", lambda device: device)
+        monkeypatch.setattr(module, "VideoNode", lambda path: self.node)
+        monkeypatch.setattr(module, "VideoStream", lambda node: self.stream)
+
+    def _close_node(self) -> None:
+        self.node.closed += 1
+
+    def mislabelled(self, camera: BracketCamera, brackets: int) -> int:
+        frames = [frame for _ in range(brackets) for frame in camera.capture_undecoded(TIMES_S)]
+        return sum(
+            not np.isclose(frame.exposure.time_s, self.stream.truth_s[frame.index])
+            for frame in frames
+        )
+
+
+def test_a_camera_is_opened_under_control_and_tells_what_it_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rig = Rig(monkeypatch)
+    with open_camera(CameraRequest("0")) as camera:
+        assert (camera.name, camera.pixel_format, camera.size_px) == (
+            "Test camera",
+            "GREY",
+            (16, 16),
+        )
+        assert camera.frame_interval_s == pytest.approx(1 / 30)
+        assert camera.exposure_range_s == pytest.approx((0.0001, 0.0333))  # of 33.3 ms a frame
+        assert camera.exposure_step_s == pytest.approx(0.0001)
+        assert camera.nearest_exposure(0.00234) == pytest.approx(0.0023)
+        assert camera.nearest_exposure(1.0) == pytest.approx(0.0333)
+        assert camera.sensor.source == "assumed sRGB"
+        assert rig.node.control(GAIN).value == 4
+        assert rig.mislabelled(camera, 20) == 0
+    assert (rig.stream.closed, rig.node.closed) == (1, 1)
+
+
+def test_a_bracket_merges_to_the_scene(monkeypatch: pytest.MonkeyPatch) -> None:
+    Rig(monkeypatch)
+    with open_camera(CameraRequest("0")) as camera:
+        brackets = [camera.capture(TIMES_S) for _ in range(2)]
+    assert [bracket.index for bracket in brackets] == [0, 1]
+    picture = merge_bracket(brackets[1], camera.sensor)
+    radiance = picture.radiance[..., 1].ravel()
+    seen = (SCENE * TIMES_S[0] < 0.9) & (SCENE * TIMES_S[2] > 0.02)
+    # Rounding to 8 bits moves a dark sRGB count by up to 3 %.
+    np.testing.assert_allclose(radiance[seen], SCENE[seen], rtol=0.03)
+
+
+@pytest.mark.parametrize("change_frames", [-1, 1, 2])
+def test_a_delay_that_changes_is_caught_by_the_pixels_and_measured_again(
+    monkeypatch: pytest.MonkeyPatch, change_frames: int
+) -> None:
+    """By timestamps alone every label would be wrong from then on."""
+    rig = Rig(monkeypatch)
+    with open_camera(CameraRequest("0")) as camera:
+        assert rig.mislabelled(camera, 3) == 0
+        before_s = camera.settling.latest_s
+        rig.stream.delay_s += change_frames / 30
+        with pytest.raises(UnreadableFrame, match="contradict their exposures"):
+            rig.mislabelled(camera, 10)
+        assert camera.counters.contradictions == 2
+        assert camera.settling.latest_s - before_s == pytest.approx(change_frames / 30, abs=0.008)
+        assert rig.mislabelled(camera, 10) == 0
+
+
+def test_light_that_changes_within_a_bracket_costs_a_bracket_not_an_error(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """An eighth of the light from the second exposure on looks like a wrong label, once."""
+    rig = Rig(monkeypatch)
+    with open_camera(CameraRequest("0")) as camera:
+        camera.capture(TIMES_S)
+        dim = rig.stream.look
+        changes_at = camera.counters.frames + 1
+        monkeypatch.setattr(
+            rig.stream,
+            "look",
+            lambda data: dim(data) // (8 if camera.counters.frames > changes_at else 1),
+        )
+        camera.capture(TIMES_S)
+        camera.capture(TIMES_S)
+    assert camera.counters.contradictions == 1
+
+
+@pytest.mark.parametrize(
+    ("fault", "error"),
+    [({"silent_s": 1000.2}, CameraStalled), ({"unplugged_s": 1002.0}, CameraLost)],
+)
+def test_a_camera_that_fails_while_it_is_opened_is_closed(
+    monkeypatch: pytest.MonkeyPatch, fault: dict[str, float], error: type[Exception]
+) -> None:
+    rig = Rig(monkeypatch, **fault)
+    with pytest.raises(error):
+        open_camera(CameraRequest("0"))
+    assert (rig.stream.closed, rig.node.closed) == (1, 1)
+
+
+def test_what_cannot_be_run_is_refused_and_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = Rig(monkeypatch)
+    with pytest.raises(InputError, match="odd"):
+        open_camera(CameraRequest("0", size_px=(15, 16)))
+    rig.node.control(EXPOSURE).minimum = 400
+    with pytest.raises(InputError, match=r"goes from 0\.04 s, which leaves no choice at 30 frames"):
+        open_camera(CameraRequest("0"))
+    assert rig.node.closed == 2
+
+
+def test_a_bracket_of_nothing_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    Rig(monkeypatch)
+    with (
+        open_camera(CameraRequest("0")) as camera,
+        pytest.raises(InputError, match="at least one exposure"),
+    ):
+        camera.capture([])
