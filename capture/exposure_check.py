@@ -21,7 +21,7 @@ WARNING_EV = 0.3
 """From this disagreement on, radiance steps visibly where an exposure saturates."""
 
 REFUSAL_EV = 1.0
-"""From this disagreement on, the labels of linear counts are wrong."""
+"""From this disagreement on labels are wrong, if the response is known: linear or measured."""
 
 _SIDE_PX = 256
 _FEWEST_VALUES = 100
@@ -35,11 +35,15 @@ def exposure_warning(bracket: Bracket, sensor: Sensor) -> str:
     ------
     InputError
         If the exposure of larger signal is the darker by more than 0.3 EV, whatever the response;
-        if linear counts disagree with their labels by more than 1 EV; or if the counts cannot be
-        the sensor's.
+        if linear counts, or those of a measured response, disagree with their labels by more than
+        1 EV; or if the counts cannot be the sensor's.
     """
     frames = bracket.by_signal()
-    is_linear = sensor.response is None or frames[0].counts.dtype == np.float32
+    is_known = (
+        sensor.response is None
+        or sensor.response_deviation is not None
+        or frames[0].counts.dtype == np.float32
+    )
     warning, largest = "", WARNING_EV
     disagreements = exposure_disagreement_ev(bracket, sensor)
     for (a, b), disagreement in zip(pairwise(frames), disagreements, strict=True):
@@ -51,7 +55,7 @@ def exposure_warning(bracket: Bracket, sensor: Sensor) -> str:
             f"{measured:.1f} EV by their pixels; check their exposures, or the camera's response "
             f"({sensor.source})"
         )
-        if measured < -WARNING_EV or (is_linear and abs(disagreement) > REFUSAL_EV):
+        if measured < -WARNING_EV or (is_known and abs(disagreement) > REFUSAL_EV):
             raise InputError(line)
         if abs(disagreement) > largest:
             warning, largest = line, abs(disagreement)

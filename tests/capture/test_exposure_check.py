@@ -1,5 +1,6 @@
 """Exposure labels against the pixels: simulated brackets of known truth, then real ones."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -74,11 +75,15 @@ def test_swapped_labels_are_refused(sensor):
         exposure_warning(relabelled(recorded(sensor), swapped), sensor)
 
 
-def test_a_stop_of_disagreement_is_refused_only_of_linear_counts():
+def test_a_stop_of_disagreement_is_refused_only_where_the_response_is_known():
     wide = [Exposure(1 / 64), Exposure(1.0), Exposure(64.0)]  # 6 EV by label, 3 by pixels
     with pytest.raises(InputError, match=r"6\.0 EV apart"):
         exposure_warning(relabelled(recorded(LINEAR_16_BIT), wide), LINEAR_16_BIT)
-    assert "6.0 EV apart" in exposure_warning(relabelled(recorded(SRGB_8_BIT), wide), SRGB_8_BIT)
+    photographs = relabelled(recorded(SRGB_8_BIT), wide)
+    assert "6.0 EV apart" in exposure_warning(photographs, SRGB_8_BIT)
+    measured = replace(SRGB_8_BIT, response_deviation=np.zeros((256, 3)), source="measured")
+    with pytest.raises(InputError, match=r"6\.0 EV apart.*measured"):
+        exposure_warning(photographs, measured)
 
 
 def test_frames_without_common_pixels_give_no_figure():
