@@ -3,11 +3,13 @@
 from cyclopts import App
 
 from calibration.formats_cli import export_calibration, import_calibration
+from calibration.lens_cli import calibrate_lens
 from calibration.response_cli import calibrate_response
 
 calibrate_app = App(
     name="calibrate", help="Estimate what a camera does to light, from its own pictures."
 )
+calibrate_app.command(calibrate_lens, name="lens")
 calibrate_app.command(calibrate_response, name="response")
 calibrate_app.command(import_calibration, name="import")
 calibrate_app.command(export_calibration, name="export")

@@ -2,7 +2,8 @@
 
 Input  : {"model": "equisolid", "image_size_px": [5616, 3744], "centre_px": [2807.5, 1871.5],
           "focal_px": 1248, "valid_angle_rad": 1.6232}, the model's other parameters by name, and
-         optionally R_world_camera, image_circle {centre_px, radius_px} and vignetting [v1, …].
+         optionally R_world_camera, image_circle {centre_px, radius_px}, vignetting [v1, …] and
+         lens_fit, what `fishlight calibrate lens` made it from (calibration/lens/record.py).
 Output : Calibration, or InputError in one line that names the file and the key.
 """
 
@@ -20,7 +21,7 @@ from capture.errors import InputError
 from capture.files import read_bytes
 from capture.output import write_text
 
-_MAX_BYTES = 2**20
+_MAX_BYTES = 16 << 20
 """Largest calibration file that is read."""
 
 _Row = tuple[float, float, float]
@@ -39,6 +40,7 @@ class _Camera(msgspec.Struct):
     R_world_camera: tuple[_Row, _Row, _Row] | None = None
     image_circle: _Circle | None = None
     vignetting: tuple[float, ...] = ()
+    lens_fit: dict[str, Any] | None = None
 
 
 def read_calibration(path: Path) -> Calibration:
@@ -50,7 +52,7 @@ def read_calibration(path: Path) -> Calibration:
         If the file cannot be read, a key is unknown or missing, or a value has the wrong type or
         is out of range; above a full turn the message supposes that degrees were meant.
     """
-    content = _read_object(path)
+    content = read_object(path)
     name = content.pop("model", None)
     if not isinstance(name, str) or name not in MODELS:
         raise InputError(f'{path}: "model" must be one of {", ".join(MODELS)}; got {name!r}')
@@ -90,7 +92,13 @@ def read_calibration(path: Path) -> Calibration:
         raise InputError(f"{path}: {error}") from None
 
 
-def write_calibration(path: Path, calibration: Calibration, *, force: bool = True) -> None:
+def write_calibration(
+    path: Path,
+    calibration: Calibration,
+    *,
+    lens_fit: msgspec.Struct | None = None,
+    force: bool = True,
+) -> None:
     """Write a calibration file that `read_calibration` reads back exactly, a key a line."""
     circle = calibration.image_circle
     content: dict[str, Any] = {
@@ -104,6 +112,8 @@ def write_calibration(path: Path, calibration: Calibration, *, force: bool = Tru
         content["image_circle"] = asdict(circle)
     if calibration.vignetting:
         content["vignetting"] = calibration.vignetting
+    if lens_fit is not None:
+        content["lens_fit"] = lens_fit
     lines = [
         f'  "{key}": {msgspec.json.encode(value, enc_hook=_plain).decode()}'
         for key, value in content.items()
@@ -111,7 +121,8 @@ def write_calibration(path: Path, calibration: Calibration, *, force: bool = Tru
     write_text(path, "{\n" + ",\n".join(lines) + "\n}\n", force=force)
 
 
-def _read_object(path: Path) -> dict[str, Any]:
+def read_object(path: Path) -> dict[str, Any]:
+    """Return the keys of a calibration file as they stand; InputError if it is not JSON."""
     content = read_bytes(path, _MAX_BYTES)
     try:
         return msgspec.json.decode(content, type=dict[str, Any])

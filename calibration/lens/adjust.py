@@ -1,21 +1,21 @@
-"""Bundle adjustment: the lens, a board pose a view and the board's bend that fit the corners best.
+"""Bundle adjustment: the lens, the board poses and what else fits the corners best.
 
 Domain : the residual of a corner is its projection less where it was found, in units of its sigma.
 Cost   : a step takes about 1.5 µs a corner and unknown of the lens: poses are eliminated view by
 view, so that the equations left are those of the lens alone.
 Source : K. Levenberg's and D. Marquardt's method; the elimination is Schur's complement, as in
 B. Triggs, P. McLauchlan, R. Hartley, A. Fitzgibbon, "Bundle Adjustment: A Modern Synthesis", 2000.
-The bend of the board is that of D. Kogan's mrcal: a parabola along either side.
+The warp of the board is an idea of D. Kogan's mrcal, which seeks a parabola along either side.
 Fails  : from a start too far away, in a minimum of its own: calibration/lens/start.py gives starts.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
-from calibration.lens.corners import Corners
+from calibration.lens.corners import WARP_DEGREES, Corners
 from calibration.lens.poses import Poses
 from calibration.models.parameters import parameters, with_parameters
 from capture.errors import InputError
@@ -39,13 +39,51 @@ class Solution:
     ----------
     model : CameraModel
     poses : Poses
-    bend_m : (2,) float64
-        How far the board's middle stands out along its +z, by its bend along x and along y.
+    warp_m : (12,) float64
+        How the board is not flat: the lengths of `Corners.warp_shapes`.
+    pupil_m : float
+        How far the entrance pupil moves along the axis: a ray at the angle θ passes the axis at
+        z = pupil θ². It matters for a board before the lens, and not for far things.
     """
 
     model: CameraModel
     poses: Poses
-    bend_m: Array
+    warp_m: Array = field(default_factory=lambda: np.zeros(len(WARP_DEGREES)))
+    pupil_m: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Free:
+    """Which parts of a solution are sought, besides the poses; the others are held.
+
+    Attributes
+    ----------
+    lens : (P,) bool
+        Which of the model's parameters. All false seeks poses alone.
+    warp_degree : int
+        Up to which the board's warp is sought; below 2 it is held.
+    pupil : bool
+        Whether the entrance pupil's movement is sought.
+    """
+
+    lens: NDArray[np.bool_]
+    warp_degree: int = 0
+    pupil: bool = False
+
+    @property
+    def lens_count(self) -> int:
+        """How many numbers of the lens are sought."""
+        return int(self.lens.sum())
+
+    @property
+    def warp(self) -> NDArray[np.bool_]:
+        """Which (12,) shapes of the warp are sought."""
+        return self.warp_degree >= WARP_DEGREES
+
+    @property
+    def count(self) -> int:
+        """How many numbers are sought that all views share."""
+        return self.lens_count + int(self.warp.sum()) + self.pupil
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +96,8 @@ class Adjusted:
     residuals_px : (N, 2) float64
         Projected less found; NaN where the model has no pixel.
     information : (G, G) float64
-        Inverse covariance of the free lens parameters, then of the bend if free, at a sigma as
-        stated by the corners, with the poses marginalised.
+        Inverse covariance, at a sigma of one pixel, of what is free: the lens, then the warp, then
+        the pupil. The poses are marginalised.
     """
 
     solution: Solution
@@ -80,9 +118,8 @@ class _Equations:
 def adjust(
     corners: Corners,
     start: Solution,
-    free: NDArray[np.bool_],
+    free: Free,
     *,
-    bend_free: bool = False,
     soft_px: float = np.inf,
     most_steps: int = _MOST_STEPS,
 ) -> Adjusted:
@@ -92,20 +129,17 @@ def adjust(
     ----------
     corners : Corners
     start : Solution
-    free : (P,) bool
-        Which of the model's parameters to seek; the others are held. All false seeks poses alone.
-    bend_free : bool
-        Whether to seek the board's bend.
+    free : Free
     soft_px : float
         Residual beyond which a corner counts less and less: the scale of Cauchy's loss, for corners
         of median sigma. Infinite is plain least squares.
     most_steps : int
     """
     solution = start
-    equations = _linearised(corners, solution, free, bend_free, soft_px)
+    equations = _linearised(corners, solution, free, soft_px)
     damping = 1e-3
     for _ in range(most_steps):
-        trial = _stepped(solution, equations, free, bend_free, damping)
+        trial = _stepped(solution, equations, free, damping)
         cost = np.inf if trial is None else _cost(corners, trial, soft_px)
         if trial is None or not cost < equations.cost:
             if damping > 1e12:
@@ -114,7 +148,7 @@ def adjust(
             continue
         fall = equations.cost - cost
         solution = trial
-        equations = _linearised(corners, solution, free, bend_free, soft_px)
+        equations = _linearised(corners, solution, free, soft_px)
         damping = max(damping / 8.0, 1e-12)
         if fall <= _SETTLED * cost:
             break
@@ -123,8 +157,8 @@ def adjust(
 
 def residuals_px(corners: Corners, solution: Solution) -> Array:
     """Return projected less found (N, 2); NaN where the model has no pixel."""
-    in_camera = _in_camera(corners, solution)[0]
-    return np.asarray(solution.model.project(in_camera)[0] - corners.pixels)
+    projected, _ = solution.model.project(in_camera_m(corners, solution))
+    return np.asarray(projected - corners.pixels)
 
 
 def typical_px(residuals_px: Array) -> float:
@@ -134,12 +168,19 @@ def typical_px(residuals_px: Array) -> float:
     return float(np.median(np.where(np.isfinite(size), size, np.inf)) / np.sqrt(2 * np.log(2)))
 
 
-def _in_camera(corners: Corners, solution: Solution) -> tuple[Array, Array, Array]:
-    """Return the corners (N, 3) in the camera frame, R X (N, 3) and R (N, 3, 3)."""
+def in_camera_m(corners: Corners, solution: Solution) -> Array:
+    """Return the corners (N, 3) in the camera frame, from where the entrance pupil is for each."""
+    return _placed(corners, solution)[0]
+
+
+def _placed(corners: Corners, solution: Solution) -> tuple[Array, Array, Array, Array]:
+    """Return the corners (N, 3) as `in_camera_m`, R X (N, 3), R (N, 3, 3) and θ² (N,)."""
     R, t = solution.poses.of_corners(corners)
-    lifted = (corners.bend_shapes @ solution.bend_m)[:, None] * [0.0, 0.0, 1.0]
+    lifted = (corners.warp_shapes @ solution.warp_m)[:, None] * [0.0, 0.0, 1.0]
     turned = np.einsum("nij,nj->ni", R, corners.points_m + lifted)
-    return turned + t, turned, R
+    x, y, z = (turned + t).T
+    square = np.arctan2(np.hypot(x, y), z) ** 2
+    return np.stack([x, y, z - solution.pupil_m * square], axis=-1), turned, R, square
 
 
 def _losses(corners: Corners, residuals: Array, soft_px: float) -> tuple[Array, Array]:
@@ -161,19 +202,20 @@ def _cost(corners: Corners, solution: Solution, soft_px: float) -> float:
     return float(loss.sum())
 
 
-def _linearised(
-    corners: Corners, solution: Solution, free: NDArray[np.bool_], bend_free: bool, soft_px: float
-) -> _Equations:
-    in_camera, turned, R = _in_camera(corners, solution)
+def _linearised(corners: Corners, solution: Solution, free: Free, soft_px: float) -> _Equations:
+    in_camera, turned, R, square = _placed(corners, solution)
     residuals = solution.model.project(in_camera)[0] - corners.pixels
     loss, weight = _losses(corners, residuals, soft_px)
     by_direction, by_parameters = solution.model.project_jacobian(in_camera)
     # A turn by ω moves R X by ω × R X: the rows of ∂pixel/∂direction are crossed with it.
     by_turn = np.cross(turned[:, None, :], by_direction)
-    columns = [by_parameters[:, :, free]]
-    if bend_free:
-        normal = np.einsum("nij,nj->ni", by_direction, R[:, :, 2])
-        columns.append(normal[:, :, None] * corners.bend_shapes[:, None, :])
+    normal = np.einsum("nij,nj->ni", by_direction, R[:, :, 2])
+    columns = [
+        by_parameters[:, :, free.lens],
+        normal[:, :, None] * corners.warp_shapes[:, None, free.warp],
+    ]
+    if free.pupil:
+        columns.append(-by_direction[:, :, 2:] * square[:, None, None])
     root = np.sqrt(weight)[:, None, None]
     dead = weight == 0
     shared = np.concatenate(columns, axis=-1) * root
@@ -181,32 +223,32 @@ def _linearised(
     error = residuals * root[:, 0]
     for each in (shared, own, error):
         each[dead] = 0.0
-    shared_count = shared.shape[-1]  # 0 where poses alone are sought
-    own_blocks = np.empty((corners.view_count, 6, 6))
-    mixed = np.empty((corners.view_count, shared_count, 6))
-    own_slope = np.empty((corners.view_count, 6))
-    flat_shared, flat_error = shared.reshape(error.size, shared_count), error.ravel()
-    for view in range(corners.view_count):
-        part = corners.of_view(view)
-        pose = own[part].reshape(-1, 6)
-        own_blocks[view] = pose.T @ pose
-        mixed[view] = flat_shared[2 * part.start : 2 * part.stop].T @ pose
-        own_slope[view] = pose.T @ error[part].ravel()
-    return _Equations(
+    views, count = corners.view_count, free.count
+    equations = _Equations(
         float(loss.sum()),
-        flat_shared.T @ flat_shared,
-        mixed,
-        own_blocks,
-        flat_shared.T @ flat_error,
-        own_slope,
+        np.zeros((count, count)),
+        np.empty((views, count, 6)),
+        np.empty((views, 6, 6)),
+        np.zeros(count),
+        np.empty((views, 6)),
     )
+    # View by view, in products small enough for BLAS not to wake its threads, which is slower.
+    for view in range(views):
+        part = corners.of_view(view)
+        off = error[part].ravel()
+        of_all, pose = shared[part].reshape(off.size, count), own[part].reshape(off.size, 6)
+        equations.shared[:] += of_all.T @ of_all
+        equations.mixed[view] = of_all.T @ pose
+        equations.own[view] = pose.T @ pose
+        equations.shared_slope[:] += of_all.T @ off
+        equations.own_slope[view] = pose.T @ off
+    return equations
 
 
 def _stepped(
     solution: Solution,
     equations: _Equations,
-    free: NDArray[np.bool_],
-    bend_free: bool,
+    free: Free,
     damping: float,
 ) -> Solution | None:
     """Return the solution after one damped step; None where no such lens can be."""
@@ -223,18 +265,19 @@ def _stepped(
     if not (np.all(np.isfinite(step)) and np.all(np.isfinite(own_step))):
         return None
     values = parameters(solution.model)
-    lens_count = int(free.sum())
-    values[free] += step[:lens_count]
+    values[free.lens] += step[: free.lens_count]
     try:
         model = with_parameters(solution.model, values)
     except InputError:
         return None
-    bend = solution.bend_m + step[lens_count:] if bend_free else solution.bend_m
+    warp = solution.warp_m.copy()
+    warp[free.warp] += step[free.lens_count : free.count - free.pupil]
     poses = Poses(
         _rotations(own_step[:, :3]) @ solution.poses.R_camera_board,
         solution.poses.t_camera_board_m + own_step[:, 3:],
     )
-    return Solution(model, poses, bend)
+    pupil = solution.pupil_m + (float(step[-1]) if free.pupil else 0.0)
+    return Solution(model, poses, warp, pupil)
 
 
 def _damped(blocks: Array, damping: float) -> Array:

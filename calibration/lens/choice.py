@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.lens.adjust import Solution
+from calibration.lens.adjust import Free, Solution
 from calibration.lens.candidates import Candidate, candidates
 from calibration.lens.corners import Corners
 from calibration.lens.robust import OUTLIER_SIGMAS, Fit, fit_robustly
@@ -35,7 +35,8 @@ class Trial:
     candidate : Candidate
     fit : Fit
         To all views.
-    bend_free : bool
+    free : Free
+        What was sought besides the poses.
     held_out_px : float
         Rms error at corners that it was not fitted to, wrong ones counted at their limit.
     excess_px, excess_error_px : float
@@ -45,7 +46,7 @@ class Trial:
 
     candidate: Candidate
     fit: Fit
-    bend_free: bool
+    free: Free
     held_out_px: float
     excess_px: float
     excess_error_px: float
@@ -53,7 +54,7 @@ class Trial:
     @property
     def parameter_count(self) -> int:
         """How many numbers were fitted that all views share."""
-        return int(self.candidate.free.sum()) + 2 * self.bend_free
+        return self.free.count
 
     @property
     def plausible(self) -> bool:
@@ -64,24 +65,30 @@ class Trial:
 def try_lenses(corners: Corners, reference: Fit, rim_angle_rad: float) -> tuple[Trial, ...]:
     """Return the lenses tried, fewest parameters first.
 
-    The reference is a Kannala-Brandt lens with fx and fy; by such lenses it is decided first
-    whether pixels are square and the board is flat.
+    The reference is a Kannala-Brandt lens with fx and fy; with such lenses it is decided first how
+    warped the board is, whether pixels are square, and whether the entrance pupil moves.
     """
     model = reference.solution.model
     assert isinstance(model, KannalaBrandt)
-    square_model = replace(model, focal_px=float(np.mean(model.focal_px)))
-    forms = [
-        (Candidate(model.name, each, np.ones(len(parameters(each)), np.bool_)), bend_free)
-        for each in (square_model, model)
-        for bend_free in (False, True)
-    ]
-    form = chosen(_compared(corners, reference, forms))
-    square = len(form.candidate.free) == len(parameters(square_model))
+    one_focal = replace(model, focal_px=float(np.mean(model.focal_px)))
+    square, oblong = (Candidate(each.name, each, _all(each)) for each in (one_focal, model))
+
+    def decided(lenses: list[tuple[Candidate, Free]]) -> Trial:
+        return chosen(_compared(corners, reference, lenses))
+
+    degree = decided([(oblong, Free(oblong.free, degree)) for degree in (0, 2, 4)]).free.warp_degree
+    lens = decided([(each, Free(each.free, degree)) for each in (square, oblong)]).candidate
+    form = decided([(lens, Free(lens.free, degree, pupil)) for pupil in (False, True)])
+    reached = form.fit.solution.model
     rest = [
-        (candidate, form.bend_free)
-        for candidate in candidates(form.fit.solution.model, rim_angle_rad, square)
+        (each, Free(each.free, degree, form.free.pupil))
+        for each in candidates(reached, rim_angle_rad, square=lens is square)
     ]
     return _compared(corners, form.fit, rest)
+
+
+def _all(model: KannalaBrandt) -> NDArray[np.bool_]:
+    return np.ones(len(parameters(model)), np.bool_)
 
 
 def chosen(trials: tuple[Trial, ...]) -> Trial:
@@ -91,19 +98,21 @@ def chosen(trials: tuple[Trial, ...]) -> Trial:
 
 
 def _compared(
-    corners: Corners, reference: Fit, lenses: list[tuple[Candidate, bool]]
+    corners: Corners, reference: Fit, lenses: list[tuple[Candidate, Free]]
 ) -> tuple[Trial, ...]:
     folds = min(_MOST_FOLDS, corners.view_count)
     fits, errors = [], []
-    for candidate, bend_free in lenses:
-        start = Solution(candidate.model, reference.solution.poses, reference.solution.bend_m)
-        if not bend_free:
-            start = Solution(candidate.model, reference.solution.poses, np.zeros(2))
-        fit = fit_robustly(corners, start, candidate.free, bend_free=bend_free)
-        fits.append(fit)
-        residuals = cross_validated_px(
-            corners, fit.solution, candidate.free, bend_free=bend_free, folds=folds
+    for candidate, free in lenses:
+        solution = reference.solution
+        start = Solution(
+            candidate.model,
+            solution.poses,
+            np.where(free.warp, solution.warp_m, 0.0),
+            solution.pupil_m if free.pupil else 0.0,
         )
+        fit = fit_robustly(corners, start, free)
+        fits.append(fit)
+        residuals = cross_validated_px(corners, fit.solution, free, folds)
         errors.append(np.hypot(*residuals.T))
     # A wrong corner says nothing about the lens: beyond the limit all are equally wrong.
     limit = OUTLIER_SIGMAS * min(float(np.nanmedian(each)) for each in errors)
@@ -118,11 +127,11 @@ def _compared(
         Trial(
             candidate,
             fit,
-            bend_free,
+            free,
             float(np.sqrt(capped[i].mean())),
             float(excess[i].mean()),
             float(standard_error[i]),
         )
-        for i, ((candidate, bend_free), fit) in enumerate(zip(lenses, fits, strict=True))
+        for i, ((candidate, free), fit) in enumerate(zip(lenses, fits, strict=True))
     ]
     return tuple(sorted(trials, key=lambda trial: trial.parameter_count))

@@ -12,6 +12,11 @@ from numpy.typing import NDArray
 from calibration.board import Board
 from calibration.observations import View
 
+_WARP_TERMS = [(total - j, j) for total in (2, 3, 4) for j in range(total + 1)]
+
+WARP_DEGREES = np.array([i + j for i, j in _WARP_TERMS])
+"""Degree of each of the shapes that a board's warp is made of."""
+
 
 @dataclass(frozen=True, eq=False)
 class Corners:
@@ -28,9 +33,9 @@ class Corners:
         Corners starts[v] to starts[v + 1] − 1 are those of view v.
     ids : (N,) int64
         Which point of the board.
-    bend_shapes : (N, 2) float64
-        How far a bend of 1 along the board's x and along its y lifts the corner: 1 in the middle of
-        the side and 0 at its ends, a parabola between.
+    warp_shapes : (N, 12) float64
+        How far each of `WARP_DEGREES` lifts the corner along the board's +z: products of Legendre's
+        polynomials of x and y, which run from −1 to 1 over the board. Planes are left out.
     """
 
     points_m: NDArray[np.float64]
@@ -38,7 +43,7 @@ class Corners:
     sigma_px: NDArray[np.float64]
     starts: NDArray[np.int64]
     ids: NDArray[np.int64]
-    bend_shapes: NDArray[np.float64]
+    warp_shapes: NDArray[np.float64]
 
     @property
     def view_count(self) -> int:
@@ -81,7 +86,7 @@ class Corners:
             self.sigma_px[at],
             np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
             self.ids[at],
-            self.bend_shapes[at],
+            self.warp_shapes[at],
         )
 
 
@@ -90,7 +95,9 @@ def gather(board: Board, views: Sequence[View]) -> Corners:
     ids = np.concatenate([view.point_ids for view in views])
     points_m = board.points_m()
     low, high = points_m.min(axis=0)[:2], points_m.max(axis=0)[:2]
-    shapes = 1.0 - (2.0 * (points_m[:, :2] - low) / (high - low) - 1.0) ** 2
+    along, down = (2.0 * (points_m[:, :2] - low) / (high - low) - 1.0).T
+    products = np.polynomial.legendre.legvander2d(along, down, [4, 4]).reshape(-1, 5, 5)
+    shapes = np.stack([products[:, i, j] for i, j in _WARP_TERMS], axis=-1)
     return Corners(
         points_m[ids],
         np.concatenate([view.corners_px for view in views]),

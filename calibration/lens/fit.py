@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from calibration.board import Board
 from calibration.camera import Calibration
-from calibration.lens.adjust import typical_px
+from calibration.lens.adjust import Solution, in_camera_m, typical_px
 from calibration.lens.choice import Trial, chosen, try_lenses
 from calibration.lens.corners import Corners, gather
 from calibration.lens.poses import Poses
@@ -53,10 +53,8 @@ class LensFit:
         Those used, V of them.
     rejected : tuple of Rejected
         Those not, with the reason.
-    poses : Poses
-        Of the used views' boards.
-    bend_m : (2,) float64
-        How far the board's middle stands out along its +z, by its bend along x and along y.
+    solution : Solution
+        The lens with the boards' poses, the board's warp and the movement of the entrance pupil.
     residuals_px : (N, 2) float64
         Projected less found, of all corners of the used views, one view after the other.
     kept : (N,) bool
@@ -74,8 +72,7 @@ class LensFit:
     board: Board
     views: tuple[View, ...]
     rejected: tuple[Rejected, ...]
-    poses: Poses
-    bend_m: Array
+    solution: Solution
     residuals_px: Array
     kept: NDArray[np.bool_]
     sigma_px: float
@@ -129,8 +126,7 @@ def fit_lens(board: Board, views: Sequence[View], rejected: Sequence[Rejected] =
         board,
         tuple(used),
         tuple(refused),
-        fit.solution.poses,
-        fit.solution.bend_m,
+        fit.solution,
         fit.residuals_px,
         fit.kept,
         fit.sigma_px,
@@ -166,8 +162,7 @@ def _check_count(used: Sequence[View], refused: Sequence[Rejected]) -> None:
 
 def _covered(corners: Corners, fit: Fit) -> float:
     """Return the angle beyond which only a few corners were seen."""
-    R, t = fit.solution.poses.of_corners(corners)
-    x, y, z = (np.einsum("nij,nj->ni", R, corners.points_m) + t)[fit.kept].T
+    x, y, z = in_camera_m(corners, fit.solution)[fit.kept].T
     return float(np.sort(np.arctan2(np.hypot(x, y), z))[-_OUTERMOST:][0])
 
 

@@ -6,13 +6,12 @@ is the uncertainty (a Bayesian model average with equal weights). Beyond the cor
 lenses part, and so the uncertainty grows there as it should.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
-from calibration.lens.adjust import Solution
 from calibration.lens.choice import Trial
 from calibration.lens.corners import Corners
 from calibration.lens.robust import fit_robustly
@@ -86,7 +85,7 @@ def _second_moment(trial: Trial, model: CameraModel, at: Fan) -> Array:
     NaN where it has none.
     """
     own, free = trial.fit.solution.model, trial.candidate.free
-    lens_count = int(free.sum())
+    lens_count = trial.free.lens_count
     of_lens = trial.fit.covariance[:lens_count, :lens_count]
     apart = direction_difference(own, model, at)
     return direction_covariance(own, free, of_lens, at) + apart[..., :, None] * apart[..., None, :]
@@ -94,10 +93,8 @@ def _second_moment(trial: Trial, model: CameraModel, at: Fan) -> Array:
 
 def _refitted(corners: Corners, trial: Trial, views: NDArray[np.int64]) -> CameraModel:
     """Return the trial's lens fitted to some of the views alone."""
-    solution = trial.fit.solution
-    start = Solution(solution.model, solution.poses.views(views), solution.bend_m)
-    fit = fit_robustly(corners.views(views), start, trial.candidate.free, bend_free=trial.bend_free)
-    return fit.solution.model
+    start = replace(trial.fit.solution, poses=trial.fit.solution.poses.views(views))
+    return fit_robustly(corners.views(views), start, trial.free).solution.model
 
 
 def _last_angle(model: CameraModel, size_px: tuple[int, int], covered_rad: float) -> float:

@@ -11,15 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.lens.adjust import Solution, adjust, residuals_px, typical_px
+from calibration.lens.adjust import Free, Solution, adjust, residuals_px, typical_px
 from calibration.lens.corners import Corners
 
 Array = NDArray[np.float64]
 
-OUTLIER_SIGMAS = 4.0
+OUTLIER_SIGMAS = 6.0
 """Length of a residual, in standard deviations of a coordinate, beyond which a corner is wrong.
 
-One of three thousand right ones is that far off.
+No right one is that far off, but some views are worse than others, and what a lens gets wrong at
+the rim must not be taken for the corner's fault.
 """
 
 _SOFT_SIGMAS = 2.4
@@ -44,7 +45,7 @@ class Fit:
         Standard deviation of a coordinate of the kept corners, of median sigma if they differ, by
         the degrees of freedom.
     covariance : (G, G) float64
-        Of the free lens parameters, then of the bend if free.
+        Of the free lens parameters, then of the warp, then of the pupil.
     """
 
     solution: Solution
@@ -59,9 +60,7 @@ class Fit:
         return float(np.sqrt(np.mean(np.sum(self.residuals_px[self.kept] ** 2, axis=-1))))
 
 
-def fit_robustly(
-    corners: Corners, start: Solution, free: NDArray[np.bool_], *, bend_free: bool = False
-) -> Fit:
+def fit_robustly(corners: Corners, start: Solution, free: Free) -> Fit:
     """Return the fit that is reached from a start within some pixels.
 
     Cauchy's loss finds the wrong corners, least squares of the others the rest, so that the
@@ -70,11 +69,9 @@ def fit_robustly(
     solution = start
     for _ in range(2):  # the scale of the first is that of the start
         scale = max(typical_px(residuals_px(corners, solution)), _LEAST_SIGMA_PX)
-        solution = adjust(
-            corners, solution, free, bend_free=bend_free, soft_px=_SOFT_SIGMAS * scale
-        ).solution
+        solution = adjust(corners, solution, free, soft_px=_SOFT_SIGMAS * scale).solution
     kept = _right(corners, residuals_px(corners, solution))
-    adjusted = adjust(corners.where(kept), solution, free, bend_free=bend_free)
+    adjusted = adjust(corners.where(kept), solution, free)
     residuals = residuals_px(corners, adjusted.solution)
     inverse = relative_inverse_sigma(corners)[kept]
     unknowns = len(adjusted.information) + 6 * len(np.unique(corners.view_of[kept]))

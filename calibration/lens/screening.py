@@ -5,12 +5,12 @@ how many of them are wrong, with one lens for all.
 Fails  : for a mirrored picture of a lens whose axis is at the picture's centre: nothing differs.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.lens.adjust import Solution, adjust, residuals_px, typical_px
+from calibration.lens.adjust import Free, Solution, adjust, residuals_px, typical_px
 from calibration.lens.corners import Corners
 from calibration.lens.poses import poses_from_directions
 from calibration.lens.robust import OUTLIER_SIGMAS, Fit, fit_robustly, relative_inverse_sigma
@@ -55,16 +55,14 @@ class Screened:
     reasons: dict[int, str]
 
 
-def screen(
-    corners: Corners, start: Solution, free: NDArray[np.bool_], size_px: tuple[int, int]
-) -> Screened:
+def screen(corners: Corners, start: Solution, free: Free, size_px: tuple[int, int]) -> Screened:
     """Return the fit of all views that agree on one lens, the worst left out one by one."""
     views = np.arange(corners.view_count)
     solution = start
     while True:
         inside = corners.views(views)
         poses = start.poses.views(views)
-        fit = fit_robustly(inside, Solution(solution.model, poses, start.bend_m), free)
+        fit = fit_robustly(inside, replace(solution, poses=poses), free)
         solution = fit.solution
         typical, wrong = _judged(inside, fit)
         limit = max(_NOISY * float(np.median(typical)), _LEAST_PX)
@@ -131,8 +129,8 @@ def _posed(view: Corners, fit: Fit) -> tuple[float, Array, bool]:
     poses, _ = poses_from_directions(view, directions, valid)
     if not np.all(np.isfinite(poses.t_camera_board_m)):
         return np.inf, np.full_like(view.pixels, np.nan), False
-    held = np.zeros(len(parameters(model)), np.bool_)
-    start = Solution(model, poses, fit.solution.bend_m)
+    held = Free(np.zeros(len(parameters(model)), np.bool_))
+    start = replace(fit.solution, poses=poses)
     for soft_px in (10.0, 1.0):
         start = adjust(view, start, held, soft_px=soft_px).solution
     residuals = residuals_px(view, start)

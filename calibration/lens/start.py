@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.lens.adjust import Adjusted, Solution, adjust, typical_px
+from calibration.lens.adjust import Adjusted, Free, Solution, adjust, typical_px
 from calibration.lens.corners import Corners
 from calibration.lens.poses import poses_from_directions
 from calibration.models.kannala_brandt import KannalaBrandt
@@ -33,10 +33,10 @@ _TRIED = 4
 _SOFT_PX = (20.0, 2.0)
 """Scales of the loss of the first adjustment, with the profile held, and of the second."""
 
-FREE = np.ones(8, np.bool_)
-"""All parameters of the lens that is returned."""
+FREE = Free(np.ones(8, np.bool_))
+"""All parameters of the lens that is returned, of a flat board."""
 
-_FREE_FIRST = np.array([True] * 4 + [False] * 4)
+_FREE_FIRST = Free(np.array([True] * 4 + [False] * 4))
 
 
 def first_solution(corners: Corners, size_px: tuple[int, int]) -> Adjusted:
@@ -66,7 +66,7 @@ def _hypotheses(
 def _adjusted(corners: Corners, model: KannalaBrandt) -> Adjusted:
     directions, valid = model.unproject(corners.pixels)
     poses, _ = poses_from_directions(corners, directions, valid)
-    solution = Solution(model, poses, np.zeros(2))
+    solution = Solution(model, poses)
     for free, soft_px in zip((_FREE_FIRST, FREE), _SOFT_PX, strict=True):
         adjusted = adjust(corners, solution, free, soft_px=soft_px)
         solution = adjusted.solution

@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 
 _AZIMUTHS = 16
 
+_LEAST_AREA = 1e-6
+"""Square pixels a steradian below which a direction has no pixel of its own."""
+
 
 @dataclass(frozen=True, eq=False)
 class Fan:
@@ -73,7 +76,9 @@ def direction_covariance(
     """
     by_direction, by_parameters = model.project_jacobian(at.directions)
     by_tangent = by_direction @ at.tangents
-    seen = np.asarray(np.isfinite(by_tangent).all(axis=(-1, -2)))
+    # At the model's own limit the pixel does not move with the angle: NaN and 0 both fail this.
+    (a, b), (c, d) = np.moveaxis(by_tangent, (-2, -1), (0, 1))
+    seen = np.asarray(np.abs(a * d - b * c) > _LEAST_AREA)
     by_tangent[~seen] = np.eye(2)
     # A pixel stays where it is: what the parameters move, the direction moves back.
     moved = np.asarray(-np.linalg.solve(by_tangent, np.nan_to_num(by_parameters[..., free])))

@@ -5,10 +5,12 @@ view, with the lens held, and judged at the corners between; then the other way 
 corner is predicted by a lens fitted without its view and by a pose fitted without it.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.lens.adjust import Solution, adjust, residuals_px, typical_px
+from calibration.lens.adjust import Free, Solution, adjust, residuals_px, typical_px
 from calibration.lens.corners import Corners
 from calibration.lens.robust import fit_robustly
 from calibration.models.parameters import parameters
@@ -21,9 +23,9 @@ _SOFT_SIGMAS = 2.4
 def predicted_residuals_px(corners: Corners, solution: Solution) -> Array:
     """Return the residuals (N, 2) of corners, each with a pose fitted to the others by halves.
 
-    The lens and the bend are held; the poses are where the search begins.
+    All but the poses is held; the poses are where the search begins.
     """
-    held = np.zeros(len(parameters(solution.model)), np.bool_)
+    held = Free(np.zeros(len(parameters(solution.model)), np.bool_))
     soft_px = _SOFT_SIGMAS * typical_px(residuals_px(corners, solution))
     residuals = np.full_like(corners.pixels, np.nan)
     first = np.arange(len(corners.ids)) % 2 == 0
@@ -33,9 +35,7 @@ def predicted_residuals_px(corners: Corners, solution: Solution) -> Array:
     return residuals
 
 
-def cross_validated_px(
-    corners: Corners, start: Solution, free: NDArray[np.bool_], *, bend_free: bool, folds: int
-) -> Array:
+def cross_validated_px(corners: Corners, start: Solution, free: Free, folds: int) -> Array:
     """Return the residuals (N, 2) of all corners under lenses fitted without their views.
 
     Views are dealt to the folds in turn. Each fit begins from `start`, the fit of all views, which
@@ -48,12 +48,11 @@ def cross_validated_px(
         inside = views[~out]
         trained = fit_robustly(
             corners.views(inside),
-            Solution(start.model, start.poses.views(inside), start.bend_m),
+            replace(start, poses=start.poses.views(inside)),
             free,
-            bend_free=bend_free,
         ).solution
         outside = views[out]
-        solution = Solution(trained.model, start.poses.views(outside), trained.bend_m)
+        solution = replace(trained, poses=start.poses.views(outside))
         residuals[np.isin(corners.view_of, outside)] = predicted_residuals_px(
             corners.views(outside), solution
         )
