@@ -97,15 +97,16 @@ def _principal_forms(coefficients: Array) -> list[tuple[float, Array, Array]]:
     The axes are the eigenvectors of its quadratic part, which has no trace; λ ascends.
     """
     first, second = np.sqrt(3 / (4 * np.pi)), np.sqrt(15 / (4 * np.pi))
-    forms = []
-    for c in np.asarray(coefficients, np.float64).T:
-        xy, yz, zz, xz, xx_yy = second / 2 * c[4:]
-        zz /= np.sqrt(3)
-        quadratic = np.array([[xx_yy - zz, xy, xz], [xy, -xx_yy - zz, yz], [xz, yz, 2 * zz]])
-        eigenvalues, axes = np.linalg.eigh(quadratic)
-        linear = first * np.array([c[3], c[1], c[2]])
-        forms.append((c[0] * np.sqrt(1 / (4 * np.pi)), axes.T @ linear, eigenvalues))
-    return forms
+    coefficients = np.asarray(coefficients, np.float64)
+    xy, yz, zz, xz, xx_yy = second / 2 * coefficients[4:]
+    zz = zz / np.sqrt(3)
+    quadratic = np.array([[xx_yy - zz, xy, xz], [xy, -xx_yy - zz, yz], [xz, yz, 2 * zz]])
+    eigenvalues, axes = np.linalg.eigh(np.moveaxis(quadratic, -1, 0))
+    linear = first * coefficients[[3, 1, 2]]
+    along_axes = np.einsum("cij,ic->cj", axes, linear)
+    return list(
+        zip(coefficients[0] * np.sqrt(1 / (4 * np.pi)), along_axes, eigenvalues, strict=True)
+    )
 
 
 @njit(cache=True, nogil=True)

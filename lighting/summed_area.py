@@ -51,7 +51,9 @@ def block_sums(radiance: NDArray[np.float32], most_rows: int = MOST_ROWS) -> Arr
     side = cells_per_block(height, most_rows)
     # numpy asks for huge pages, numba does not, and its fresh pages take as long as all the sums.
     sums = np.zeros((-(-height // side), -(-width // side), 7))
-    _add_cells(radiance, side, *_cell_integrals(height), sums)
+    # As plain rows of numbers, the distance of which the compiler knows: a quarter faster.
+    rows = radiance.reshape(height, -1)
+    _add_cells(rows, side, *_cell_integrals(height), sums)
     return sums
 
 
@@ -163,14 +165,14 @@ def _cell_integrals(height: int) -> tuple[Array, Array]:
     return rows, columns
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@njit(cache=True, nogil=True, parallel=True, fastmath={"contract"})
 def _add_cells(radiance, side, row_factors, column_factors, sums):  # type: ignore[no-untyped-def]
-    """Add each cell to the sums (rows, columns, 7) of its block.
+    """Add each cell of radiance (N, 6N) to the sums (rows, columns, 7) of its block.
 
     A thread has whole rows of blocks, so that any number of threads gives the same bits.
     """
     red, green, blue = LUMINANCE_WEIGHTS
-    height, width, _ = radiance.shape
+    height, width = len(radiance), len(column_factors)
     for block_row in prange(len(sums)):
         line = sums[block_row]
         top = block_row * side
@@ -181,9 +183,9 @@ def _add_cells(radiance, side, row_factors, column_factors, sums):  # type: igno
                 first = k * side
                 for column in range(first, min(first + side, width)):
                     # float64 before any product: single cells may be as bright as float32 goes.
-                    cell_r = np.float64(radiance[row, column, 0])
-                    cell_g = np.float64(radiance[row, column, 1])
-                    cell_b = np.float64(radiance[row, column, 2])
+                    cell_r = np.float64(radiance[row, 3 * column])
+                    cell_g = np.float64(radiance[row, 3 * column + 1])
+                    cell_b = np.float64(radiance[row, 3 * column + 2])
                     power = red * cell_r + green * cell_g + blue * cell_b
                     r += cell_r
                     g += cell_g
