@@ -93,6 +93,9 @@ def import_sources(
     """
     if not sources:
         raise InputError("nothing to import: name photographs, a folder, a video or EXR files")
+    for name, text in (("source", source), ("licence", licence)):
+        if not text.isprintable():
+            raise InputError(f"--{name} {text!r} is not text in one line")
     video = next((path for path in sources if path.suffix.lower() in VIDEO_SUFFIXES), None)
     if video is not None and len(sources) > 1:
         raise InputError(f"{video}: a video is imported alone")
@@ -191,9 +194,10 @@ def _import_video(
 
 
 def _named(sources: Sequence[Path]) -> str:
-    if len(sources) == 1:
-        return sources[0].name
-    return f"{sources[0].name} to {sources[-1].name}, {len(sources)} files"
+    first, last = (
+        "".join(filter(str.isprintable, path.name)) for path in (sources[0], sources[-1])
+    )
+    return first if len(sources) == 1 else f"{first} to {last}, {len(sources)} files"
 
 
 def _check_pixels(

@@ -37,7 +37,8 @@ FNumber = Annotated[float, msgspec.Meta(ge=F_NUMBER_RANGE[0], le=F_NUMBER_RANGE[
 Share = Annotated[float, msgspec.Meta(gt=0, le=1)]
 Index = Annotated[int, msgspec.Meta(ge=0, lt=2**53)]
 Pixels = Annotated[int, msgspec.Meta(gt=0, lt=2**31)]
-
+Text = Annotated[str, msgspec.Meta(pattern=r"^[^\x00-\x1f\x7f-\x9f]*$")]
+"""Text that is shown to people: without characters that steer a terminal."""
 
 _Row = tuple[float, float, float]
 
@@ -51,7 +52,7 @@ class SensorRecord(msgspec.Struct, frozen=True):
     saturation: Share
     full_well_e: Positive
     read_noise_e: Annotated[float, msgspec.Meta(ge=0)]
-    source: str = ""
+    source: Text = ""
     response_deviation: list[_Row] | None = None
     colour_matrix: Annotated[list[_Row], msgspec.Meta(min_length=3, max_length=3)] | None = None
 
@@ -80,8 +81,8 @@ class FrameRecord(msgspec.Struct, frozen=True):
 class DeviceRecord(msgspec.Struct, frozen=True):
     """The live camera that was recorded: what it was called, and how it was run."""
 
-    path: str
-    pixel_format: str
+    path: Text
+    pixel_format: Text
     frame_interval_s: Positive
 
 
@@ -92,11 +93,11 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     schema: str = SCHEMA
-    camera: str
+    camera: Text
     sensor: SensorRecord
     calibration: str | None = None
-    source: str
-    licence: str
+    source: Text
+    licence: Text
     device: DeviceRecord | msgspec.UnsetType = msgspec.UNSET
     frames: tuple[FrameRecord, ...] = ()
 

@@ -228,6 +228,19 @@ def test_nothing_to_import_is_said(tmp_path):
         import_sources([], tmp_path / "r")
 
 
+@pytest.mark.parametrize("name", ["source", "licence"])
+def test_text_that_would_steer_a_terminal_is_refused(tmp_path, name):
+    paths = write_bracket(tmp_path / "photos")
+    with pytest.raises(InputError, match=rf"--{name} 'a\\x1b\[2J' is not text in one line"):
+        import_sources(paths, tmp_path / "r", **{name: "a\x1b[2J"})
+    assert not (tmp_path / "r").exists()
+
+
+def test_names_of_files_are_noted_without_what_steers_a_terminal(tmp_path):
+    path = write_photograph(tmp_path / "a\x1b[2J.jpg", 0.1)
+    assert import_sources([path], tmp_path / "r").recording.manifest.source == "a[2J.jpg"
+
+
 @pytest.mark.data
 @pytest.mark.parametrize(
     ("names", "exposures_s", "size_px"),

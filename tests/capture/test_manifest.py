@@ -81,6 +81,9 @@ def test_a_manifest_comes_back_as_it_was(tmp_path):
         ({"index": -1}, "index"),
         ({"file": "../secret.png"}, "secret.png"),
         ({"camera": None}, "camera"),
+        ({"camera": "\x1b[2J"}, r"\$\.camera"),
+        ({"licence": "CC0\nby nobody"}, r"\$\.licence"),
+        ({"source": "\x9b2J"}, r"\$\.source"),
         ({"sensor": {}}, "sensor"),
     ],
 )

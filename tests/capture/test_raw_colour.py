@@ -62,10 +62,13 @@ def test_a_forward_matrix_takes_over_the_colours_and_leaves_white_white() -> Non
     # One made of the same camera: white-balanced channels to XYZ under D50.
     balanced = CAMERA / CAMERA.sum(axis=1, keepdims=True)
     forward = adaptation(REC709[3], (0.3457, 0.3585)) @ rgb_to_xyz(REC709) @ np.linalg.inv(balanced)
-    for gains in (None, (1.5, 1.0, 2.0)):
-        camera = CAMERA if gains is None else np.diag(gains) @ CAMERA
+    mixing = np.array([[1.1, 0.05, 0.0], [0.02, 1.0, 0.03], [0.0, 0.1, 0.9]])
+    for calibration in (None, tuple(mixing.ravel())):
+        camera = np.diag([1.5, 1.0, 2.0]) @ (np.eye(3) if calibration is None else mixing) @ CAMERA
         matrix, origin = camera_to_rec709(
-            [dng_matrix(CAMERA, camera_to_d50=tuple(forward.ravel()))], gains, NO_TABLE
+            [dng_matrix(CAMERA, camera_to_d50=tuple(forward.ravel()), calibration=calibration)],
+            (1.5, 1.0, 2.0),
+            NO_TABLE,
         )
         np.testing.assert_allclose(matrix, expected(camera), rtol=1e-9)
     assert origin.startswith("forward and colour matrix")
