@@ -4,9 +4,9 @@ Input  : Bracket and Sensor.
 Output : which pixels moved; the merged picture with each ghost taken from one exposure.
 Cost   : 40 ns per channel value of each exposure on one core, of at most 2 megapixels.
 Fails  : a ghost is not seen where no two neighbouring exposures measure both of its states (one is
-         full, or in the dark), where it differs by less than 0.2 EV, or is smaller than 3 by 3
-         reduced pixels. Two ghosts may be taken from two exposures: what moved between places of
-         unlike brightness may then stand in both, or in neither.
+         full, or in the dark), nor where it differs by less than 0.25 EV, after larger pictures
+         were reduced to 2 megapixels. Two ghosts may be taken from two exposures: what moved
+         between places of unlike brightness may then stand in both, or in neither.
 """
 
 import math
