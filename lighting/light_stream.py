@@ -16,7 +16,7 @@ from lighting.budget import FIRST_COUNT, FRAMES, next_count
 from lighting.environment import EnvironmentMap
 from lighting.light_set import LightSet
 from lighting.methods import adaptive
-from lighting.reduce import ADAPTIVE, reduce_next
+from lighting.reduce import ADAPTIVE, most_block_rows, reduce_next
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,11 @@ class LightPlan:
             raise InputError(f"a budget must be above 0 ms, got {self.budget_ms:g}")
         if self.error is None:
             raise InputError("a budget limits the lights that meet an error; give one too")
+
+    @property
+    def block_rows(self) -> int:
+        """Rows of blocks, beyond which sums over them make no difference to the lights."""
+        return most_block_rows(self.count, self.method, self.error)
 
 
 @dataclass(frozen=True, eq=False)

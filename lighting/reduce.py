@@ -42,7 +42,7 @@ from lighting.methods.variance_minimisation import (
     variance_minimisation,
     variance_minimisation_of_blocks,
 )
-from lighting.summed_area import block_sums
+from lighting.summed_area import MOST_ROWS, block_sums
 
 Array = NDArray[np.float64]
 Lights = tuple[Array, Array, Array]
@@ -80,6 +80,11 @@ BLOCK_METHODS: Mapping[str, BlockMethod] = {
 
 MOST_LIGHTS = 65536
 """More lights than any renderer here draws; a larger number is a slip of the keyboard."""
+
+
+def most_block_rows(count: int, method: str = ADAPTIVE, error: float | None = None) -> int:
+    """Return the most rows of blocks that a reduction makes use of."""
+    return block_rows(count, error) if method == ADAPTIVE else MOST_ROWS
 
 
 def reduce_to_lights(

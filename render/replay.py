@@ -122,7 +122,9 @@ def replay(
     calibration = _calibration(recording, calibration_path)
     check_output(output, force=force)
     remap = build_remap(calibration, map_height)
-    source_blocks = build_source_blocks(calibration) if plan.method in BLOCK_METHODS else None
+    source_blocks = (
+        build_source_blocks(calibration, plan.block_rows) if plan.method in BLOCK_METHODS else None
+    )
     source = progress(recording, "replay", len(recording))
     picture_memory = PictureMemory()
     memory: StreamMemory | None = None

@@ -7,9 +7,11 @@ import pytest
 
 from capture.errors import InputError
 from lighting import temporal
+from lighting.blocks import BlockSums
 from lighting.budget import FIRST_COUNT, FRAMES
 from lighting.light_stream import LightPlan, next_lights
 from lighting.reduce import reduce_next
+from lighting.summed_area import block_sums
 from tests.environments import environment, outdoors
 
 ROWS = 32
@@ -58,6 +60,27 @@ def test_a_dark_frame_between_is_dark_and_the_next_one_is_not():
     lit = outdoors(ROWS)
     lights, _ = stream([lit, DARK, lit], LightPlan(8, is_steady=False))
     assert [each.integral().any() for each in lights] == [True, False, True]
+
+
+@pytest.mark.parametrize(
+    "plan",
+    [LightPlan(64), LightPlan(65), LightPlan(256, error=0.1), LightPlan(16, "median-cut")],
+    ids=str,
+)
+def test_sums_over_more_blocks_than_a_plan_uses_make_no_difference_and_over_fewer_do(plan):
+    view = outdoors(256).radiance * np.random.default_rng(8).uniform(0.95, 1.05, (256, 512, 1))
+    view[60, 100:102] = 5000.0  # a key light, for which blocks are finest
+
+    def lights(rows):
+        sums = block_sums(view.astype(np.float32), rows)
+        unseen = np.zeros(sums.shape[:2])
+        return next_lights(BlockSums(sums, unseen, unseen), plan)[0]
+
+    used, fewer = lights(plan.block_rows), lights(plan.block_rows // 2)
+    np.testing.assert_allclose(lights(256).directions, used.directions, atol=1e-9)
+    assert fewer.directions.shape != used.directions.shape or not np.allclose(
+        fewer.directions, used.directions, atol=1e-6
+    )
 
 
 def test_without_a_budget_time_changes_nothing():
