@@ -5,7 +5,8 @@ Input  : Bracket and Sensor.    Output : RadianceImage.
 Cost   : see tests/benchmarks/merge.py. The tables of a 16-bit response take 2 ms to make, once for
          a sensor. The first call for a count type compiles for some 3 s, cached on disk.
 Fails  : where the scene or the camera moved between the exposures, the merge mixes both
-         (capture.alignment, capture.ghosts); where an exposure is mislabelled, radiance steps at its saturation (capture.exposure_check).
+         (capture.alignment, capture.ghosts); where an exposure is mislabelled, radiance steps at
+         its saturation (capture.exposure_check).
 """
 
 from collections.abc import Sequence

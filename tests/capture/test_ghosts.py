@@ -137,6 +137,17 @@ def test_a_ghost_that_every_exposure_is_full_in_is_the_darkest_and_marked():
     np.testing.assert_allclose(image.radiance[ghosts], 16, rtol=1e-6)
 
 
+def test_a_mark_goes_with_the_exposure_that_is_not_used():
+    views = [with_disc(scene(), PLACES_PX[0], 100.0), scene(), scene()]
+    bracket = taken(views, LINEAR_16_BIT)
+    ghosts = disc(PLACES_PX[0]) & (scene().max(axis=-1) < 0.8)
+    merged = merge_bracket(bracket, LINEAR_16_BIT)
+    assert merged.clipped[ghosts].all()
+    image = without_ghosts(merged, bracket, LINEAR_16_BIT, ghosts)
+    assert not image.clipped[ghosts].any()
+    np.testing.assert_allclose(image.radiance[ghosts], scene()[ghosts], rtol=0.1)
+
+
 def test_without_ghosts_the_picture_is_the_one_that_came():
     bracket = taken([scene()] * 3, LINEAR_16_BIT)
     merged = merge_bracket(bracket, LINEAR_16_BIT)
