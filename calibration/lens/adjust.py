@@ -95,23 +95,26 @@ class Adjusted:
     solution : Solution
     residuals_px : (N, 2) float64
         Projected less found; NaN where the model has no pixel.
-    information : (G, G) float64
-        Inverse covariance, at a sigma of one pixel, of what is free: the lens, then the warp, then
-        the pupil. The poses are marginalised.
+    information : (V, G, G) float64
+        What each view adds to the inverse covariance, at a sigma of one pixel, of what is free: the
+        lens, then the warp, then the pupil. Its pose is marginalised.
+    pull : (V, G) float64
+        Half the slope of each view's squared residuals along what is free; they add up to 0.
     """
 
     solution: Solution
     residuals_px: Array
     information: Array
+    pull: Array
 
 
 @dataclass(frozen=True, eq=False)
 class _Equations:
     cost: float
-    shared: Array  # (G, G)
+    shared: Array  # (V, G, G)
     mixed: Array  # (V, G, 6)
     own: Array  # (V, 6, 6)
-    shared_slope: Array  # (G,)
+    shared_slope: Array  # (V, G)
     own_slope: Array  # (V, 6)
 
 
@@ -152,7 +155,7 @@ def adjust(
         damping = max(damping / 8.0, 1e-12)
         if fall <= _SETTLED * cost:
             break
-    return Adjusted(solution, residuals_px(corners, solution), _marginal(equations))
+    return Adjusted(solution, residuals_px(corners, solution), *_marginal(equations))
 
 
 def residuals_px(corners: Corners, solution: Solution) -> Array:
@@ -226,10 +229,10 @@ def _linearised(corners: Corners, solution: Solution, free: Free, soft_px: float
     views, count = corners.view_count, free.count
     equations = _Equations(
         float(loss.sum()),
-        np.zeros((count, count)),
+        np.empty((views, count, count)),
         np.empty((views, count, 6)),
         np.empty((views, 6, 6)),
-        np.zeros(count),
+        np.empty((views, count)),
         np.empty((views, 6)),
     )
     # View by view, in products small enough for BLAS not to wake its threads, which is slower.
@@ -237,10 +240,10 @@ def _linearised(corners: Corners, solution: Solution, free: Free, soft_px: float
         part = corners.of_view(view)
         off = error[part].ravel()
         of_all, pose = shared[part].reshape(off.size, count), own[part].reshape(off.size, 6)
-        equations.shared[:] += of_all.T @ of_all
+        equations.shared[view] = of_all.T @ of_all
         equations.mixed[view] = of_all.T @ pose
         equations.own[view] = pose.T @ pose
-        equations.shared_slope[:] += of_all.T @ off
+        equations.shared_slope[view] = of_all.T @ off
         equations.own_slope[view] = pose.T @ off
     return equations
 
@@ -252,12 +255,14 @@ def _stepped(
     damping: float,
 ) -> Solution | None:
     """Return the solution after one damped step; None where no such lens can be."""
-    own, shared = _damped(equations.own, damping), _damped(equations.shared, damping)
+    own, shared = _damped(equations.own, damping), _damped(equations.shared.sum(axis=0), damping)
     try:
         eliminated = np.linalg.solve(own, np.swapaxes(equations.mixed, 1, 2))
         own_part = np.linalg.solve(own, equations.own_slope[..., None])[..., 0]
         reduced = shared - np.einsum("vgi,vih->gh", equations.mixed, eliminated)
-        slope = equations.shared_slope - np.einsum("vgi,vi->g", equations.mixed, own_part)
+        slope = equations.shared_slope.sum(axis=0) - np.einsum(
+            "vgi,vi->g", equations.mixed, own_part
+        )
         step = -np.linalg.solve(reduced, slope)
     except np.linalg.LinAlgError:
         return None
@@ -289,10 +294,12 @@ def _damped(blocks: Array, damping: float) -> Array:
     return raised
 
 
-def _marginal(equations: _Equations) -> Array:
-    """Return the information (G, G) on what all views share, with the poses marginalised."""
-    eliminated = np.linalg.pinv(equations.own) @ np.swapaxes(equations.mixed, 1, 2)
-    return np.asarray(equations.shared - np.einsum("vgi,vih->gh", equations.mixed, eliminated))
+def _marginal(equations: _Equations) -> tuple[Array, Array]:
+    """Return the information (V, G, G) and the pull (V, G) of each view, its pose marginalised."""
+    eliminated = equations.mixed @ np.linalg.pinv(equations.own)
+    information = equations.shared - eliminated @ np.swapaxes(equations.mixed, 1, 2)
+    pull = equations.shared_slope - (eliminated @ equations.own_slope[..., None])[..., 0]
+    return np.asarray(information), np.asarray(pull)
 
 
 def _rotations(turns_rad: Array) -> Array:
