@@ -63,7 +63,7 @@ def render_board(
     *,
     noise: float = 1.5,
     blur_px: float = 0.6,
-    samples: int = 4,
+    samples: int = 3,
     seed: int = 0,
 ) -> NDArray[np.uint8]:
     """Return the picture (H, W) of a board in a plain grey room.

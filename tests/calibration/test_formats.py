@@ -327,7 +327,7 @@ def test_yaml_of_every_kind_that_is_written() -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["", "a: [1, 2", "a: [1 2]]", "a: *b", "a: &b 1", "a: |\n  b", "a: " + "[" * 50, "- " * 500],
+    ["", "a: [1, 2", "a: [1 2]]", "a: *b", "a: &b 1", "a: |\n  b", "[" * 50 + "]" * 50, "- " * 99],
 )
 def test_other_yaml_is_refused(text: str) -> None:
     with pytest.raises(InputError):
