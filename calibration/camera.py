@@ -128,7 +128,8 @@ class Calibration:
                 f"valid_angle_rad must be in (0, π], 3.14159 at most, got {self.valid_angle_rad}"
             )
         rotation = read_only("R_world_camera", self.R_world_camera, np.float64, (3, 3))
-        is_rotation = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6)
+        within_unit = np.abs(rotation).max() < 1.1  # else its product might overflow
+        is_rotation = within_unit and np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6)
         if not is_rotation or np.linalg.det(rotation) < 0:
             raise InputError(
                 "R_world_camera must be a rotation (orthonormal, determinant +1), "

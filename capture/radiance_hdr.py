@@ -10,7 +10,6 @@ Fails  : eight bits of mantissa, shared exponent: a channel below 1/256 of the l
 The format is described in "Radiance File Formats" by Greg Ward, section "Picture File Format".
 """
 
-import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -141,6 +140,8 @@ def _parse_header(data: bytes) -> tuple[_Layout, NDArray[np.float64]]:
         header[name.strip()] = value.strip()
         if name.strip() in ("EXPOSURE", "COLORCORR"):
             divisor *= _factors(name.strip(), value)
+            if not all(map(_is_usable, divisor)):
+                raise ValueError(f"all EXPOSURE and COLORCORR together come to {divisor.tolist()}")
     encoding = header.setdefault("FORMAT", "32-bit_rle_rgbe")
     if encoding not in ("32-bit_rle_rgbe", "32-bit_rle_xyze"):
         raise ValueError(f"FORMAT {encoding!r} is not known; wanted 32-bit_rle_rgbe or _xyze")
@@ -174,10 +175,13 @@ def _factors(name: str, value: str) -> NDArray[np.float64]:
         factors = [float(word) for word in words]
     except ValueError:
         factors = []
-    usable = all(math.isfinite(factor) and factor > 0 for factor in factors)
-    if not usable or len(factors) != (1 if name == "EXPOSURE" else 3):
+    if not all(map(_is_usable, factors)) or len(factors) != (1 if name == "EXPOSURE" else 3):
         raise ValueError(f"{name} {value!r} is not usable; correct or remove that line")
     return np.array(factors)
+
+
+def _is_usable(divisor: float) -> bool:
+    return 1e-30 < divisor < 1e30  # stays within float32, as the pixels are
 
 
 def _decode(path: Path, data: bytes, layout: _Layout) -> NDArray[np.uint8]:

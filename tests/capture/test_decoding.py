@@ -100,9 +100,10 @@ def test_a_decoder_that_fails_costs_its_file(ask: Ask, word: str, told: str) -> 
 
 def test_a_decoder_that_hangs_is_stopped(ask: Ask, monkeypatch: pytest.MonkeyPatch) -> None:
     ask("one")
-    monkeypatch.setattr(decoding, "_TIMEOUT_S", 0.2)
-    with pytest.raises(UnreadableFrame, match=r"hang\.txt: not decoded within 0\.2 s"):
-        ask("hang")
+    with monkeypatch.context() as patch:
+        patch.setattr(decoding, "_TIMEOUT_S", 0.2)
+        with pytest.raises(UnreadableFrame, match=r"hang\.txt: not decoded within 0\.2 s"):
+            ask("hang")
     assert ask("next")[0]["word"] == "next"
 
 

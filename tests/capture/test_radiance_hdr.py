@@ -226,6 +226,8 @@ def test_no_part_of_a_file_is_a_picture(tmp_path: Path, encode: object) -> None:
         (hdr(ONE, "-Y 1 +X 1", "#?RADIANCE\nFORMAT=ascii\n"), "FORMAT 'ascii'"),
         (hdr(ONE, "-Y 1 +X 1", "#?RADIANCE\nEXPOSURE=0\n"), "EXPOSURE '0'"),
         (hdr(ONE, "-Y 1 +X 1", "#?RADIANCE\nEXPOSURE=nan\n"), "EXPOSURE 'nan'"),
+        (hdr(ONE, "-Y 1 +X 1", "#?RADIANCE\nEXPOSURE=1e300\n"), "EXPOSURE '1e300'"),
+        (hdr(ONE, "-Y 1 +X 1", "#?RADIANCE\n" + 2 * "EXPOSURE=1e-20\n"), "together come to"),
         (hdr(ONE, "-Y 1 +X 1", "#?RADIANCE\nCOLORCORR=1 2\n"), "COLORCORR '1 2'"),
         (hdr(ONE, "-Y 0 +X 1"), "1×0 px"),
         (hdr(ONE, "-Y 1 +Y 1"), "no line like"),
