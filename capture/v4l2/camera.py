@@ -36,7 +36,7 @@ from capture.v4l2.pixel_formats import (
 from capture.v4l2.settling import Settling, measure_settling
 from capture.v4l2.stream import VideoStream
 
-_ATTEMPTS = 3  # at a delay that explains the frames; each allows for a frame more of doubt
+_ATTEMPTS = 3  # at measuring the delay; each allows for a frame more of doubt than the last
 _PROOFS = 3  # brackets of two exposures that must come out right
 
 
@@ -212,18 +212,21 @@ class BracketCamera:
             lambda data: float(np.mean(look(data))),
             self.exposure_range_s,
         )
-        settling = measure()
-        if settling.doubt_s > settling.frame_interval_s:  # perhaps a busy machine upset a step
-            settling = min(settling, measure(), key=lambda settling: settling.doubt_s)
-        for _ in range(_ATTEMPTS):
+        for doubt_frames in range(_ATTEMPTS):
+            settling = measure()
+            if settling.doubt_s > settling.frame_interval_s:  # perhaps a busy machine upset a step
+                settling = min(settling, measure(), key=lambda settling: settling.doubt_s)
+            settling = settling.widened(doubt_frames)
             cycle = ExposureCycle(self._stream, self._exposure.set, look, settling, self.counters)
-            proofs = [cycle.collect(self.exposure_range_s) for _ in range(_PROOFS)]
+            try:
+                proofs = [cycle.collect(self.exposure_range_s) for _ in range(_PROOFS)]
+            except UnreadableFrame:
+                continue
             longest = max(proofs[-1], key=lambda exposed: exposed.actual_s)
             brightest_dn = brightest_sample(longest.delivery.data, self.picture)
             sensor = pixel_sensor(self.picture, brightest_dn)
             if all(_rises(proof) for proof in proofs):
                 return settling, sensor, cycle
-            settling = settling.widened()
         raise InputError(
             f"{self.name}: its frames do not follow its exposures with a delay that can be told"
         )

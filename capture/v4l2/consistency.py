@@ -25,6 +25,9 @@ _DARK, _DIM, _BRIGHT, _FULL = 0.03, 0.05, 0.8, 0.9
 """Linear values: samples from dim to bright are judged; below dark, which lies above any camera's
 black, and above full, one says nothing of the light."""
 
+_CUT_OFF = 0.01
+"""Linear value below which a camera may show black."""
+
 _EXPONENTS = (0.5, 1.6)
 """What power of the exposures' ratio the pixels' ratio may be: flat and steep tone curves pass, two
 frames of one exposure (power 0) and exchanged ones (−1) do not."""
@@ -71,5 +74,5 @@ def _contradicts(
     """Tell where two linear values cannot belong to exposures of this ratio."""
     least, most = (ratio**exponent for exponent in _EXPONENTS)
     too_alike = (bright < least * dim) & (dim > _DARK) & (bright < _FULL)
-    too_different = bright > most * np.maximum(dim, _DARK)
+    too_different = bright > most * np.maximum(dim, _CUT_OFF)
     return np.asarray(too_alike | too_different)

@@ -58,9 +58,9 @@ class Settling:
         """For how long after a setting it is not known whether a frame has it."""
         return self.latest_s - self.earliest_s + self.setting_s
 
-    def widened(self) -> "Settling":
-        """Return bounds a frame further apart, for a camera that was caught beyond these."""
-        half_s = self.frame_interval_s / 2
+    def widened(self, frames: float) -> "Settling":
+        """Return bounds further apart, for a camera that was caught beyond these."""
+        half_s = frames * self.frame_interval_s / 2
         return replace(
             self,
             earliest_s=max(self.earliest_s - half_s, 0.0),

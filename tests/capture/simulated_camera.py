@@ -34,7 +34,9 @@ class SimulatedCamera:
     transfer_s : float
         From a frame's stamp until it can be read.
     setting_s : float
-        How long a setting takes; it takes effect at any moment of that.
+        How long a setting takes.
+    counts_at : float or None
+        At which share of that time a setting takes effect; None draws one each time.
     lost, damaged : set of int
         Frames that never come, counted by the driver, and that come damaged.
     unplugged_s, silent_s : float
@@ -49,6 +51,7 @@ class SimulatedCamera:
     jitter_s: float = 0.0
     transfer_s: float = 0.02
     setting_s: float = 0.002
+    counts_at: float | None = None
     lost: set[int] = field(default_factory=set)
     damaged: set[int] = field(default_factory=set)
     unplugged_s: float = np.inf
@@ -61,7 +64,7 @@ class SimulatedCamera:
         self.time_s = 1000.0
         self._start_s = self.time_s
         self._random = np.random.default_rng(self.seed)
-        self._effects: list[tuple[float, float]] = [(-np.inf, 0.01)]
+        self.effects: list[tuple[float, float]] = [(-np.inf, 0.01)]
         self._waiting: deque[Delivery] = deque()
         self._next = 0
         self._stamp_s = self._draw_stamp()
@@ -78,9 +81,10 @@ class SimulatedCamera:
         """Set an exposure; the camera rounds to 0.1 ms."""
         self._check()
         actual_s = round(time_s, 4)
-        effect_s = self.time_s + self._random.uniform() * self.setting_s
+        share = self._random.uniform() if self.counts_at is None else self.counts_at
+        effect_s = self.time_s + share * self.setting_s
         effect_s += self._random.uniform(-1, 1) * self.wander_s
-        self._effects.append((effect_s, actual_s))
+        self.effects.append((effect_s, actual_s))
         self.pass_time(self.setting_s)
         return actual_s
 
@@ -135,7 +139,7 @@ class SimulatedCamera:
         while self._stamp_s + self.transfer_s <= min(self.time_s, self.silent_s):
             number = self._next
             latched_s = self._exposed_s() - self.delay_s
-            exposure_s = [value for time_s, value in self._effects if time_s <= latched_s][-1]
+            exposure_s = [value for time_s, value in self.effects if time_s <= latched_s][-1]
             if number not in self.lost and len(self._waiting) < self.buffers:
                 data = _TRUTH.pack(number, exposure_s)
                 self._waiting.append(

@@ -164,3 +164,29 @@ def test_a_bracket_of_nothing_is_refused(monkeypatch: pytest.MonkeyPatch) -> Non
         pytest.raises(InputError, match="at least one exposure"),
     ):
         camera.capture([])
+
+
+def test_a_machine_that_was_too_busy_to_prove_the_delay_measures_it_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    proofs = iter([UnreadableFrame("busy")])
+    collect = capture.v4l2.camera.ExposureCycle.collect
+
+    def upset(cycle: Any, times_s: Any) -> Any:
+        if (error := next(proofs, None)) is not None:
+            raise error
+        return collect(cycle, times_s)
+
+    monkeypatch.setattr(capture.v4l2.camera.ExposureCycle, "collect", upset)
+    rig = Rig(monkeypatch)
+    with open_camera(CameraRequest("0")) as camera:
+        assert rig.mislabelled(camera, 10) == 0
+
+
+def test_frames_that_never_follow_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Exposed the other way round once the delay is measured: no delay explains that."""
+    rig = Rig(monkeypatch)
+    monkeypatch.setattr(capture.v4l2.camera, "_rises", lambda proof: False)
+    with pytest.raises(InputError, match="do not follow its exposures with a delay"):
+        open_camera(CameraRequest("0"))
+    assert rig.node.closed == 1

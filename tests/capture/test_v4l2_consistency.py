@@ -48,6 +48,10 @@ def test_one_frame_with_another_ones_exposure_is_found(wrong: int, shown_as: int
     assert (found is None) == (wrong == shown_as)
 
 
+def test_a_frame_that_is_far_too_bright_is_found() -> None:
+    assert find_contradiction((0.0005, 0.004), [shown(0.0005), shown(0.03)], SRGB) is not None
+
+
 def test_a_cycle_that_slipped_by_a_frame_is_found() -> None:
     samples = [shown(TIMES_S[(index + 1) % 3]) for index in range(3)]
     assert find_contradiction(TIMES_S, samples, SRGB) is not None

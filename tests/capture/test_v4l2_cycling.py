@@ -54,10 +54,12 @@ class Run:
 
 
 @pytest.mark.parametrize("delay_frames", DELAYS_FRAMES)
+@pytest.mark.parametrize("transfer_s", [0.001, 0.012, 0.032])
 def test_a_steady_camera_gives_a_bracket_in_as_many_frames_as_exposures(
-    delay_frames: float,
+    delay_frames: float, transfer_s: float
 ) -> None:
-    run = Run(SimulatedCamera(delay_s=delay_frames / 30)).collect(40)
+    """Whenever in a frame's time a setting falls due: before, while or after one is read."""
+    run = Run(SimulatedCamera(delay_s=delay_frames / 30, transfer_s=transfer_s)).collect(40)
     assert run.mislabelled == 0
     assert run.frames_per_bracket < 3 + 6 / 40  # the first one waits for the delay
     for bracket in run.brackets:
@@ -136,6 +138,24 @@ def test_equal_exposures_take_a_frame_each() -> None:
     for bracket in run.brackets:
         assert len({one.delivery.sequence for one in bracket}) == 3
         assert sorted(one.wanted_s for one in bracket) == [0.001, 0.01, 0.01]
+
+
+def test_an_exposure_that_stays_is_set_once() -> None:
+    camera = SimulatedCamera()
+    run = Run(camera)
+    sets = len(camera.effects)
+    run.collect(20, times_s=(0.01,))
+    assert len(camera.effects) == sets + 1
+
+
+@pytest.mark.parametrize("measured", [0.0, 1.0])
+def test_it_does_not_matter_when_in_its_time_a_setting_counts(measured: float) -> None:
+    """It may count at once while the delay is measured, and at its end later on, or conversely."""
+    for delay_frames in DELAYS_FRAMES:
+        camera = SimulatedCamera(delay_s=delay_frames / 30, setting_s=0.008, counts_at=measured)
+        run = Run(camera)
+        camera.counts_at = 1.0 - measured
+        assert run.collect(10).mislabelled == 0
 
 
 def test_what_the_camera_makes_of_an_exposure_is_told() -> None:

@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 
 from capture.errors import InputError
+from capture.v4l2 import kernel
 from capture.v4l2.formats import PictureFormat, choose_format, choose_interval
 from tests.capture.simulated_node import SimulatedNode
 
@@ -42,6 +43,12 @@ def test_what_is_not_offered_is_refused_with_what_is(
 ) -> None:
     with pytest.raises(InputError, match=message):
         choose_format(node(), fourcc, size_px, SUPPORTED)
+
+
+def test_a_driver_that_gives_another_format_than_it_offers_is_refused() -> None:
+    given = {"pixelformat": kernel.fourcc("MJPG")}
+    with pytest.raises(InputError, match="wanted YUYV 640×480, the driver gave MJPG 640×480"):
+        choose_format(node(given=given), "YUYV", None, SUPPORTED)
 
 
 def test_half_pictures_are_refused() -> None:
