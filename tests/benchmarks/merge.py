@@ -36,6 +36,7 @@ def run(repeats: int) -> list[dict[str, Any]]:
     rows = []
     for name, sensor, times_s in [
         ("3 × 1024² 8-bit", SRGB_8_BIT, [4.0 ** (2 * k - 5) for k in range(3)]),
+        ("5 × 1024² 8-bit", SRGB_8_BIT, [4.0 ** (k - 5) for k in range(5)]),
         ("7 × 1024² 8-bit", SRGB_8_BIT, [4.0 ** (k - 5) for k in range(7)]),
         ("3 × 1024² 16-bit linear", LINEAR_16_BIT_NO_BLACK, [4.0 ** (2 * k - 5) for k in range(3)]),
     ]:

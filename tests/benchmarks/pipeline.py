@@ -5,10 +5,11 @@ scene, every frame another bracket, so that every light moves and every shadow m
 Peer : OpenCV decoding, MergeRobertson with the true response and remap with cached maps; the
 plain median cut of lighting/peers.py. There is none for the picture.
 
-`pipelined` is milliseconds per bracket of a stream of them, up to the lights: the session's thread
-brings brackets in while this one merges and reduces them, from counts in memory, as a camera
-delivers them, and from JPEG files. "through a map" reduces a 1024×512 map, "at the source" sums
-the picture's pixels over blocks and needs none.
+`pipelined` is milliseconds per bracket of a stream of them, and how many a second that is: the
+session's thread brings brackets in while this one merges and reduces them, from counts in memory,
+as a camera delivers them, and from JPEG files. "to lights, through a map" reduces a 1024×512 map,
+"to lights, at the source" sums the picture's pixels over blocks and needs none, "to a map" ends
+with the map.
 """
 
 import statistics
@@ -35,7 +36,7 @@ from lighting.latlong import cell_directions
 from lighting.light_set import LightSet
 from lighting.methods.adaptive import Memory
 from lighting.peers import median_cut
-from lighting.reduce import reduce_next
+from lighting.reduce import most_block_rows, reduce_next
 from lighting.remap import apply_remap, build_remap
 from lighting.scenario import scenario
 from lighting.simulate import simulate_recording
@@ -56,6 +57,7 @@ CAMERA = Calibration(Equidistant(((SIZE - 1) / 2,) * 2, SIZE / np.pi), (SIZE,) *
 CASE = "3 × 1024² JPEG → 1024×512 → 64 lights → 640×480"
 
 Times = dict[str, list[float]]
+Stages = Callable[[RadianceImage], Any]
 
 
 def run(repeats: int) -> list[dict[str, Any]]:
@@ -96,7 +98,13 @@ def run(repeats: int) -> list[dict[str, Any]]:
         if (ms := stages.get(stage)) is not None
     ]
     return rows + [
-        {"stage": "pipeline", "case": case, "system": system, "ms": per_bracket_ms, "accuracy": {}}
+        {
+            "stage": "pipeline",
+            "case": case,
+            "system": system,
+            "ms": per_bracket_ms,
+            "accuracy": {"brackets a second": 1e3 / per_bracket_ms},
+        }
         for (case, system), per_bracket_ms in stream_ms.items()
     ]
 
@@ -163,33 +171,37 @@ class _Stream:
 
 def _streams(recording: Recording) -> dict[tuple[str, str], Callable[[], Any]]:
     """Return sessions of STREAM_BRACKETS by (case, system)."""
-    remap, source_blocks = build_remap(CAMERA, MAP_HEIGHT), build_source_blocks(CAMERA)
+    remap = build_remap(CAMERA, MAP_HEIGHT)
+    source_blocks = build_source_blocks(CAMERA, most_block_rows(COUNT))
     in_memory = [recording.read_bracket(position) for position in range(BRACKETS)]
 
-    def through_a_map(image: RadianceImage) -> EnvironmentMap:
+    def to_a_map(image: RadianceImage) -> Any:
         return apply_remap(remap, image)
 
-    def at_the_source(image: RadianceImage) -> BlockSums:
-        return apply_source_blocks(source_blocks, image)
+    def through_a_map() -> Stages:
+        reduce = _Reduction()
+        return lambda image: reduce(apply_remap(remap, image))
 
-    def session(
-        stream: _Stream, view_of: Callable[[RadianceImage], EnvironmentMap | BlockSums]
-    ) -> Callable[[], Any]:
-        memory, reduce = PictureMemory(), _Reduction()
+    def at_the_source() -> Stages:
+        reduce = _Reduction()
+        return lambda image: reduce(apply_source_blocks(source_blocks, image))
+
+    def session(stream: _Stream, stages: Stages) -> Callable[[], Any]:
+        memory = PictureMemory()
         return lambda: run_session(
-            stream,
-            lambda bracket, *_: reduce(view_of(merge_bracket(bracket, recording.sensor, memory))),
+            stream, lambda bracket, *_: stages(merge_bracket(bracket, recording.sensor, memory))
         )
 
     return {
-        (f"pipelined, from {kind}", system): session(_Stream(bracket_at), view_of)
+        (f"pipelined, {kind} to {end}", f"fishlight{way}"): session(_Stream(bracket_at), stages)
         for kind, bracket_at in (
             ("counts", in_memory.__getitem__),
             ("JPEG", recording.read_bracket),
         )
-        for system, view_of in (
-            ("fishlight, at the source", at_the_source),
-            ("fishlight, through a map", through_a_map),
+        for end, way, stages in (
+            ("lights", ", at the source", at_the_source()),
+            ("lights", ", through a map", through_a_map()),
+            ("a map", "", to_a_map),
         )
     }
 
