@@ -112,7 +112,7 @@ def qemu_command(image: Path, ramdisk: Path, share: Path) -> list[str]:
     """Return QEMU's command line."""
     return [
         *(QEMU, "-machine", "q35,vmport=off", "-accel", "tcg", "-cpu", PROCESSOR),
-        *("-smp", "1", "-icount", "shift=0,sleep=off", "-m", str(MEMORY_MIB)),
+        *("-smp", "1", "-icount", "shift=2,sleep=off", "-m", str(MEMORY_MIB)),
         *("-nodefaults", "-no-user-config", "-no-reboot", "-display", "none"),
         *("-serial", f"file:{share / 'serial.log'}"),
         *("-kernel", str(image), "-initrd", str(ramdisk)),

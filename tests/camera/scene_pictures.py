@@ -34,7 +34,7 @@ class PictureSet:
     formats: tuple[str, ...] = ("YUYV", "MJPG", "RG16", "GREY")
     exposures: tuple[int, ...] = (1, 2, 5, 10, 20, 50, 100, 200, 500)
     gain_count: int = 2
-    noises: int = 3
+    noises: int = 4  # no divisor of a bracket's length, or each bracket would have the same noise
 
 
 def patches(columns: int = 10, rows: int = 7, side_px: int = 16) -> Array:

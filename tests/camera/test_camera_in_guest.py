@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from capture.merge import merge_bracket
 from capture.recording import open_recording
@@ -103,8 +104,7 @@ def test_corrupt_frames_are_told_and_are_no_part_of_a_bracket(session: Session) 
 
 def test_stalled_camera_is_told_in_bounded_time(session: Session) -> None:
     step = outcome(session, "faults")
-    (error,) = step["stall"]
-    assert error.startswith("CameraStalled: ")
+    assert step["stall"].startswith("CameraStalled: ")
     assert step["stall_s"] < 10
     for frame in step["resumed"]:
         assert_labelled(session, frame)
@@ -112,8 +112,7 @@ def test_stalled_camera_is_told_in_bounded_time(session: Session) -> None:
 
 def test_unplugged_camera_is_told_and_opens_again(session: Session) -> None:
     step = outcome(session, "faults")
-    (error,) = step["unplug"]
-    assert error.startswith("CameraLost: ")
+    assert step["unplug"].startswith("CameraLost: ")
     assert step["unplug_s"] < 2
     for frame in step["replugged"]:
         assert_labelled(session, frame)  # it came back automatic, as from the factory
@@ -154,25 +153,29 @@ def test_recorded_frames_are_labelled_with_their_true_exposure(session: Session,
 
 @pytest.mark.parametrize("name", ["recorded-YUYV", "recorded-MJPG", "killed-RG16"])
 def test_merged_radiance_is_that_of_the_scene(session: Session, name: str) -> None:
+    # Every square has an exposure at which its channels are 0.09 of white at least, 85 of 255 in
+    # sRGB, where a count is 2.4 % of light. 8-bit formats round by up to 1.4 counts: luma by
+    # ½ · 255/219, colour differences by ½ · 1.402 · 255/224. Of raw ones, shot and read noise is
+    # 3.4 % there, and a square's middle averages 16 samples of red and of blue: 4 σ are 3.4 %.
+    # Over 50 squares and three channels such errors average to 0.1 %.
     recording = open_recording(session.share / "recordings" / name)
-    truth = centres(patches())
+    truth = middles(patches())
+    full = truth.max(axis=-1) * min(TIMES_S)
     for index in range(2):
         image = merge_bracket(recording.read_bracket(index), recording.sensor)
-        found, seen = centres(image.radiance), centres(image.valid & ~image.clipped)
-        ratio = found / truth
-        covered = truth.max(axis=-1) * TIMES_S[0] < 0.9
-        print(
-            name,
-            index,
-            ratio[covered].min(),
-            ratio[covered].max(),
-            ratio[covered].mean(),
-            seen[covered].mean(),
-        )
+        ratio = middles(image.radiance) / truth
+        is_seen, is_clipped = full < 0.9, full > 1.0
+        assert np.abs(ratio[is_seen] - 1).max() < 0.035
+        assert abs(ratio[is_seen].mean() - 1) < 0.005
+        assert middles(image.valid)[is_seen].min() == 1
+        clipped = middles(image.clipped)
+        assert clipped[is_seen].max() == 0
+        assert clipped[is_clipped].min() == 1
+        assert ratio[is_clipped].max() < 1.035  # a lower bound
 
 
-def centres(picture: Any) -> Any:
-    """Mean over the inner half of each square of the scene."""
-    rows = np.asarray(picture, float)[:112]
+def middles(picture: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the mean over the inner quarter of each square of the scene, (7, 10, channels)."""
+    rows = np.asarray(picture, np.float64)[: 7 * SIDE_PX]
     squares = rows.reshape(7, SIDE_PX, 10, SIDE_PX, -1)
     return squares[:, 4:12, :, 4:12].mean(axis=(1, 3))
