@@ -15,12 +15,15 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from capture.camera_files import read_camera_file
 from capture.errors import InputError, UnreadableFrame
 from capture.frame import Bracket, Exposure
 from capture.manifest import JOURNAL_NAME, MANIFEST_NAME, read_manifest, write_manifest
+from capture.radiance_files import HDR_SUFFIXES, write_hdr
 from capture.recording import Recording, contained_file, open_recording
 from capture.recording_writer import create_recording
 from capture.sensor import Sensor, assumed_sensor
+from tests.capture.dng_files import dng
 
 ROOT = Path(__file__).resolve().parents[2]
 SENSOR = assumed_sensor(np.uint8)
@@ -112,6 +115,11 @@ def replace_by_16_bit(path: Path) -> None:
     relist(path)
 
 
+def cut_short(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-20])
+    relist(path)
+
+
 def replace_by_text(path: Path) -> None:
     path.write_text("not a picture")
     relist(path)
@@ -147,6 +155,7 @@ def relist(path: Path) -> None:
         (damage_bytes, "SHA-256"),
         (replace_by_other_size, "8×5 px"),
         (replace_by_16_bit, "uint16"),
+        (cut_short, "truncated"),
         (replace_by_text, "000002.png"),
         (replace_by_pipe, "not a regular file"),
         (replace_by_link_outside, "leaves"),
@@ -164,6 +173,29 @@ def test_one_bad_frame_costs_its_bracket_and_is_named(tmp_path, damage, told):
     assert "\n" not in str(failure)
     with pytest.raises(UnreadableFrame, match=told):
         recording.read_bracket(1)
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".tif", ".exr", ".hdr", ".dng"])
+def test_a_frame_that_was_recorded_cut_short_costs_its_bracket(tmp_path, suffix):
+    picture = tmp_path / f"whole{suffix}"
+    if suffix == ".dng":
+        picture.write_bytes(dng(np.full((24, 32), 3000)))
+    elif suffix in HDR_SUFFIXES:
+        write_hdr(picture, noise() / np.float32(64))
+    else:
+        cv2.imwrite(str(picture), noise())
+    counts = read_camera_file(picture).counts
+    size_px = (counts.shape[1], counts.shape[0])
+    sensor = read_camera_file(picture).sensor()
+    whole = picture.read_bytes()
+    with create_recording(tmp_path / "r", "", sensor) as writer:
+        for index, content in enumerate([whole, whole[:-40], whole]):
+            writer.write_encoded(content, suffix, size_px, Exposure(1.0), float(index), index)
+    before, failure, after = open_recording(tmp_path / "r")
+    np.testing.assert_array_equal(before.frames[0].counts, counts)
+    np.testing.assert_array_equal(after.frames[0].counts, counts)
+    assert isinstance(failure, UnreadableFrame)
+    assert f"000001{suffix}" in str(failure)
 
 
 def test_a_bracket_of_another_size_than_the_rest_is_unreadable(tmp_path):
