@@ -129,8 +129,10 @@ def _seen(frame: Frame, sensor: Sensor, step: int) -> _Seen:
     for channel in range(3):
         of_level = np.interp(levels, table[:, channel], spread[:, channel]) / levels / math.log(2)
         noise_ev[..., channel] = np.interp(held[..., channel], levels, of_level)
-    brightest = cv2.dilate(reduced_brightest(frame.counts, step), np.ones((3, 3), np.uint8))
-    is_full = table[brightest, np.arange(3)] >= _LARGEST_VALUE * sensor.saturation
+    is_full = (
+        table[reduced_brightest(frame.counts, step), np.arange(3)]
+        >= _LARGEST_VALUE * sensor.saturation
+    )
     log2_radiance = np.log2(held) - np.float32(math.log2(frame.exposure.signal))
     return _Seen(frame, log2_radiance, noise_ev, linear > least, is_full)
 

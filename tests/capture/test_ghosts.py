@@ -80,6 +80,15 @@ def test_still_brackets_have_none_whatever_their_noise(sensor, gain):
         assert not find_ghosts(taken([radiance] * 3, sensor, seed=seed, gain=gain), sensor).any()
 
 
+def test_what_only_the_darker_exposure_measures_is_no_contradiction():
+    # The brighter one has an eighth of the light at 16 times the gain, and sees its noise alone.
+    exposures = [Exposure(1.0, 1.0), Exposure(1 / 8, 16.0)]
+    radiance = 0.3 * scene()
+    radiance[40:120, 60:180] = 2e-3
+    bracket = record(radiance, exposures, LINEAR_16_BIT, np.random.default_rng(1))
+    assert not find_ghosts(bracket, LINEAR_16_BIT).any()
+
+
 @both_sensors
 def test_frames_half_a_pixel_askew_have_none(sensor):
     radiance = scene(3.0)
