@@ -4,8 +4,8 @@ Input  : grey counts, (H, W) uint8, and the board.    Output : View, or Rejected
 The points' order is always the one of a board seen from its printed side. A checkerboard that half
 a turn takes to itself has two such orders that mean the same; the one is taken whose first row lies
 farther up and left in the picture.
-Fails  : a picture that was mirrored looks like one of another board; only a lens fitted to all
-views can tell.
+Fails  : squares less than three pixels wide. A picture that was mirrored looks like one of another
+board; only a lens fitted to all views can tell.
 """
 
 import cv2
@@ -20,8 +20,12 @@ from calibration.observations import Rejected, View
 
 Array = NDArray[np.float64]
 
-_SCALES = (1.0, 0.5, 0.25, 2.0)
-"""Sizes a checkerboard is looked for in, best first: smaller ones are less blurred and noisy."""
+_SCALES = (1.0, 0.5, 0.25, 0.125, 2.0)
+"""Sizes a checkerboard is looked for in, in turn, until it is found whole.
+
+Where light spills over the edges of dark squares their corners no longer touch, and where a picture
+is blurred or noisy they cannot be seen; made smaller, it shows them as they should be.
+"""
 
 _LARGEST_PX = 4000
 _SMALLEST_PX = 200

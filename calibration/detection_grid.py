@@ -5,7 +5,7 @@ A corner is a saddle of brightness with four edges around it. Two are neighbours
 points at the other with the same side dark. Nothing is assumed of a lens, so that boards bent
 strongly, at the rim of a fisheye or in a mirror, are found as well as flat ones.
 Cost   : 20 to 100 ms a megapixel, the more the more cluttered.
-Fails  : squares less than six pixels wide; corners whose edges are blurred over half a square.
+Fails  : squares less than five pixels wide; corners whose edges are blurred over half a square.
 """
 
 from collections import deque
@@ -17,8 +17,12 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_MOST_SADDLES = 1000
-"""More come from texture; the strongest are kept."""
+_MOST_SADDLES = 4000
+_MOST_CORNERS = 1000
+"""More come from texture; the strongest are kept, for the search goes with the square of them."""
+
+_LEAST_CORNERS = 9
+"""What makes a grid."""
 
 _RING = 48
 """Samples on the circle around a saddle."""
@@ -63,8 +67,9 @@ def find_grids(grey: NDArray[np.uint8]) -> list[CornerGrid]:
     if len(saddles) == 0:
         return []
     edges, rises, is_corner = _edges_around(smooth, saddles)
-    saddles, edges, rises = saddles[is_corner], edges[is_corner], rises[is_corner]
-    if len(saddles) < 9:
+    strongest = np.flatnonzero(is_corner)[:_MOST_CORNERS]
+    saddles, edges, rises = saddles[strongest], edges[strongest], rises[strongest]
+    if len(saddles) < _LEAST_CORNERS:
         return []
     neighbours, facing = _neighbours(saddles, edges, rises)
     neighbours = np.where(_around_squares(neighbours, facing), neighbours, -1)
@@ -82,7 +87,7 @@ def _saddles(smooth: NDArray[np.float32]) -> Array:
     margin = int(_RING_RADIUS_PX) + 2
     peak[:margin] = peak[-margin:] = peak[:, :margin] = peak[:, -margin:] = False
     rows, columns = np.nonzero(peak)
-    strongest = np.argsort(-strength[rows, columns])[: 4 * _MOST_SADDLES]
+    strongest = np.argsort(-strength[rows, columns])[:_MOST_SADDLES]
     at = rows[strongest], columns[strongest]
     determinant = -strength[at]
     step_x = (dxy[at] * dy[at] - dyy[at] * dx[at]) / determinant
@@ -197,7 +202,7 @@ def _grown(
                 place_of[other], taken[place] = place, other
                 turn_of[other] = (direction + 2 - int(facing[corner, edge])) % 4
                 queue.append(other)
-        if len(taken) >= 9:
+        if len(taken) >= _LEAST_CORNERS:
             members = np.array(list(place_of))
             places = np.array(list(place_of.values()), np.int64)
             lowest = places.min(axis=0)
