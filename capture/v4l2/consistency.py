@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 
 from capture.sensor import Sensor
 
+_Values = NDArray[np.float32]
+
 _LEAST_RATIO = 2.0
 """Exposures closer than this look so alike that a lamp's flicker can hide the difference."""
 
 _LEAST_SHARE = 0.01
-"""Of the samples, that must lie between dark and full in one of two exposures."""
+"""Of the samples, that must vote."""
 
 _DARK, _DIM, _BRIGHT, _FULL = 0.03, 0.05, 0.8, 0.9
 """Linear values: samples from dim to bright are judged; below dark, which lies above any camera's
@@ -57,10 +59,7 @@ def find_contradiction(
     for shorter, longer in pairwise(chain):
         dim, bright = table[samples[shorter]], table[samples[longer]]
         ratio = times_s[longer] / times_s[shorter]
-        votes = ((bright > _DIM) & (bright < _BRIGHT)) | ((dim > _DIM) & (dim < _BRIGHT))
-        against = votes & _contradicts(dim, bright, ratio)
-        count = np.count_nonzero(votes)
-        if count >= _LEAST_SHARE * votes.size and 2 * np.count_nonzero(against) > count:
+        if _are_too_alike(dim, bright, ratio) or _are_too_different(dim, bright, ratio):
             return (
                 f"{times_s[shorter]:.3g} s and {times_s[longer]:.3g} s do not differ in the "
                 "picture as they should"
@@ -68,11 +67,24 @@ def find_contradiction(
     return None
 
 
-def _contradicts(
-    dim: NDArray[np.float32], bright: NDArray[np.float32], ratio: float
-) -> NDArray[np.bool_]:
-    """Tell where two linear values cannot belong to exposures of this ratio."""
-    least, most = (ratio**exponent for exponent in _EXPONENTS)
-    too_alike = (bright < least * dim) & (dim > _DARK) & (bright < _FULL)
-    too_different = bright > most * np.maximum(dim, _CUT_OFF)
-    return np.asarray(too_alike | too_different)
+def _are_too_alike(dim: _Values, bright: _Values, ratio: float) -> bool:
+    """Tell whether linear values differ by less than exposures of this ratio would make them."""
+    votes = ((bright > _DIM) & (bright < _BRIGHT)) | ((dim > _DIM) & (dim < _BRIGHT))
+    against = (bright < ratio ** _EXPONENTS[0] * dim) & (dim > _DARK) & (bright < _FULL)
+    return _is_majority(against, votes)
+
+
+def _are_too_different(dim: _Values, bright: _Values, ratio: float) -> bool:
+    """Tell whether linear values differ by more than exposures of this ratio would make them.
+
+    Only values vote whose darker one would be above what a camera may show as black.
+    """
+    most = ratio ** _EXPONENTS[1]
+    votes = (bright > most * _CUT_OFF) & (bright < _BRIGHT)
+    return _is_majority(bright > most * dim, votes)
+
+
+def _is_majority(against: NDArray[np.bool_], votes: NDArray[np.bool_]) -> bool:
+    count = np.count_nonzero(votes)
+    is_enough = count >= _LEAST_SHARE * votes.size
+    return bool(is_enough and 2 * np.count_nonzero(against & votes) > count)
