@@ -16,6 +16,11 @@ from capture.arrays import read_only
 from capture.errors import InputError
 from capture.primaries import PRIMARIES, PrimariesName, to_rec709
 
+SATURATION_RANGE = (1e-3, 1.0)
+FULL_WELL_RANGE_E = (1.0, 1e9)
+READ_NOISE_RANGE_E = (0.0, 1e6)
+"""What any sensor does, with room; beyond, the merge's float32 would over- or underflow."""
+
 
 @dataclass(frozen=True, eq=False)
 class Sensor:
@@ -57,12 +62,17 @@ class Sensor:
     primaries: PrimariesName = "rec709"
 
     def __post_init__(self) -> None:
-        if not 0 <= self.black_dn < self.white_dn:
-            raise ValueError(f"black {self.black_dn} must lie below white {self.white_dn}")
-        if not 0 < self.saturation <= 1:
-            raise ValueError(f"saturation must be in (0, 1], got {self.saturation}")
-        if self.full_well_e <= 0 or self.read_noise_e < 0:
-            raise ValueError("full_well_e must be positive and read_noise_e not negative")
+        if not 0 <= self.black_dn <= self.white_dn - 1 <= 65534:
+            raise ValueError(
+                f"black {self.black_dn:g} must lie below white {self.white_dn:g}, of at most 65535"
+            )
+        for name, value, (least, most) in (
+            ("saturation", self.saturation, SATURATION_RANGE),
+            ("full_well_e", self.full_well_e, FULL_WELL_RANGE_E),
+            ("read_noise_e", self.read_noise_e, READ_NOISE_RANGE_E),
+        ):
+            if not least <= value <= most:
+                raise ValueError(f"{name} must be from {least:g} to {most:g}, got {value:g}")
         if self.response is not None:
             shape = (int(self.white_dn) + 1, 3)
             response = read_only("response", self.response, np.float64, shape)
@@ -78,13 +88,13 @@ class Sensor:
             deviation = read_only(
                 "response_deviation", self.response_deviation, np.float64, self.response.shape
             )
-            if not np.all(np.isfinite(deviation)) or np.any(deviation < 0):
-                raise ValueError("response_deviation must be finite and not negative")
+            if not np.all((deviation >= 0) & (deviation <= 1)):
+                raise ValueError("response_deviation must be from 0 to 1")
             object.__setattr__(self, "response_deviation", deviation)
         if self.colour_matrix is not None:
             matrix = read_only("colour_matrix", self.colour_matrix, np.float64, (3, 3))
-            if not np.all(np.isfinite(matrix)) or np.linalg.cond(matrix) > 1e6:
-                raise ValueError("colour_matrix must be finite and invertible")
+            if not np.all(np.abs(matrix) <= 1000) or np.linalg.cond(matrix) > 1e6:
+                raise ValueError("colour_matrix must be invertible, of numbers from -1000 to 1000")
             object.__setattr__(self, "colour_matrix", matrix)
 
     def check_counts(self, dtype: DTypeLike) -> None:

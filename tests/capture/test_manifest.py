@@ -189,6 +189,14 @@ def test_a_sensor_that_contradicts_itself_is_refused():
         {"response": [(0.0, 0.0, 0.0)] * 256},
         {"response": [(1.0, 1.0, 1.0)] * 256},
         {"response": [(float(count),) * 3 for count in range(256)]},
+        {"black_dn": 254.5},
+        {"white_dn": 1e300},
+        {"saturation": 1e-4},
+        {"full_well_e": 1e-9},
+        {"full_well_e": 1e300},
+        {"read_noise_e": 1e150},
+        {"colour_matrix": [(1.0, 1.0, 1.0)] * 3},
+        {"colour_matrix": [(1e300, 0.0, 0.0), (0.0, 1e300, 0.0), (0.0, 0.0, 1e300)]},
     ):
         with pytest.raises(InputError, match="sensor"):
             sensor_of(msgspec.structs.replace(record, **changed))

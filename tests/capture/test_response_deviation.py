@@ -51,8 +51,9 @@ def test_the_manifest_keeps_it():
 @pytest.mark.parametrize(
     ("deviation", "message"),
     [
-        (np.full((256, 3), -0.1), "not negative"),
-        (np.full((256, 3), np.nan), "finite"),
+        (np.full((256, 3), -0.1), "from 0 to 1"),
+        (np.full((256, 3), 1.1), "from 0 to 1"),
+        (np.full((256, 3), np.nan), "from 0 to 1"),
         (np.zeros((255, 3)), "shape"),
     ],
 )
