@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DEMO := demo-output
 
-.PHONY: help setup guest demo test test-camera check bench recordings lock clean
+.PHONY: help setup guest demo test test-camera fuzz check bench recordings lock clean
 
 help: ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 14
@@ -28,6 +28,9 @@ test: setup ## the whole test suite, on two processes
 
 test-camera: setup guest ## the camera's tests on real kernel drivers, vivid's injected faults included
 	FISHLIGHT_REQUIRE_GUEST=1 $(BIN)/python -m pytest -q tests/camera tests/camera/vivid_faults.py
+
+fuzz: setup ## forge files for an hour or so, and read them
+	$(BIN)/python -m pytest tests/test_fuzzed_files.py --hypothesis-profile=fuzz -q
 
 check: setup ## formatter, linter, type checker, import contract
 	$(BIN)/ruff format --check .
