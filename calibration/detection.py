@@ -148,16 +148,16 @@ def _oriented(lattice: Array, dark_first: bool, wanted: tuple[int, int]) -> Arra
 
 def _refined(grey: NDArray[np.uint8], lattice: Array, window: float, name: str) -> View | Rejected:
     """Return the view of points near (rows, columns, 2), those left out that are no corners."""
+    height, width = grey.shape
     flat = lattice.reshape(-1, 2)
     reach = window * _distance_to_next_edge(lattice).ravel()
-    usable = np.isfinite(flat[:, 0]) & np.isfinite(reach)
-    ids = np.flatnonzero(usable)
+    in_picture = np.all((flat >= 0) & (flat <= [width - 1, height - 1]), axis=-1)
+    ids = np.flatnonzero(in_picture & np.isfinite(reach))
     if len(ids) == 0:
         return Rejected(name, "no two neighbouring points were found")
     corners, sigma, found = refine_corners(grey, flat[ids], reach[ids])
     if found.sum() < _LEAST_POINTS:
         return Rejected(name, f"only {found.sum()} points are sharp enough to be measured")
-    height, width = grey.shape
     return View(name, (width, height), ids[found], corners[found], sigma[found])
 
 

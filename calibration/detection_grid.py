@@ -176,7 +176,7 @@ def _grown(
     neighbours: NDArray[np.int64],
     facing: NDArray[np.int64],
 ) -> list[CornerGrid]:
-    """Return the grids that neighbours form; a corner that two paths number differently is left."""
+    """Return the grids that neighbours form; the shortest path to a corner gives its place."""
     steps = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
     free = np.ones(len(saddles), np.bool_)
     grids = []

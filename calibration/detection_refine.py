@@ -15,6 +15,9 @@ from scipy.special import erf
 
 Array = NDArray[np.float64]
 
+_BLUR = 6
+"""Place of the blur's logarithm in the state of a fit, which `_crossing` explains."""
+
 _STEPS = 30
 
 _SETTLED_PX = 1e-4
@@ -83,9 +86,6 @@ def refine_corners(
     found &= np.hypot(state[:, 0], state[:, 1]) < np.maximum(radius / 2, 1.5)
     found &= np.abs(np.sin(state[:, 2] - state[:, 3])) > 0.2
     return corners_px + state[:, :2], sigma, found
-
-
-_BLUR = 6
 
 
 def _windows(

@@ -1,7 +1,7 @@
 """Camera matrix and distortion as OpenCV's FileStorage writes them: fisheye and omnidir.
 
 OpenCV stores no name of a model. It is told by `xi` (omnidir), by a line `model: fisheye`, which is
-written here, or by ROS's `distortion_model: equidistant`.
+written here, or by `distortion_model: equidistant`, as in ROS's camera_info.
 Source : OpenCV, documentation of the modules fisheye and ccalib (omnidir).
 Fails  : cv2.fisheye itself mirrors directions past 90°; the file holds them right. Skew has no
 counterpart here.
@@ -49,7 +49,10 @@ def read(text: str, camera: str) -> ForeignCamera:
     if (zero, *last) != (0.0, 0.0, 0.0, 1.0):
         raise InputError("the camera matrix must be [fx 0 cx; 0 fy cy; 0 0 1]")
     if skew != 0:
-        raise InputError(f"the camera matrix has a skew of {skew}, which no model here has")
+        raise InputError(
+            f"the camera matrix has a skew of {skew}, which has no exact counterpart here: "
+            "calibrate with the skew fixed (CALIB_FIX_SKEW)"
+        )
     size = _size(content)
     distortion = _plain(_named(content, _DISTORTION))
     xi = _plain(_named(content, _XI, needed=False))

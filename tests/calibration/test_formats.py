@@ -217,6 +217,17 @@ def test_a_file_that_opencv_wrote_is_read(tmp_path: Path) -> None:
     assert read.model == KannalaBrandt((320.0, 240.0), (300.0, 301.0), 0.1, 0.02, -0.003, 1e-05)
 
 
+def test_ros_camera_info_of_a_fisheye_is_read(tmp_path: Path) -> None:
+    text = (
+        "image_width: 640\nimage_height: 480\ncamera_name: front\ncamera_matrix:\n  rows: 3\n"
+        "  cols: 3\n  data: [300.0, 0.0, 320.0,\n         0.0, 301.0, 240.0,\n"
+        "         0.0, 0.0, 1.0]\ndistortion_model: equidistant\ndistortion_coefficients:\n"
+        "  rows: 1\n  cols: 4\n  data: [0.1, 0.02, -0.003, 0.0]\n"
+    )
+    model = KannalaBrandt((320.0, 240.0), (300.0, 301.0), 0.1, 0.02, -0.003)
+    assert _read(tmp_path, text) == ("opencv", ForeignCamera(model, (640, 480)))
+
+
 def test_a_file_that_mrcal_wrote_is_read(tmp_path: Path) -> None:
     text = (
         "# a note\n{\n    'lensmodel':  'LENSMODEL_STEREOGRAPHIC',\n\n"
