@@ -2,8 +2,8 @@
 
 Input  : a file and what it is.    Output : facts and arrays, or one line that says why not.
 Cost   : 0.3 s to start a process, once; then what the pipe takes, about 0.4 ms a megabyte.
-Fails  : where a crafted file takes the decoder over without crashing it, what comes back for
-         later files of the same run is the file's author's to choose. Nothing else is.
+Fails  : a decoder that a crafted file takes over without crashing it has the user's rights; this
+         contains accidents, and is no sandbox.
 
 RAW and OpenEXR decoders have a history of memory faults on crafted files, and they parse what
 anyone may have sent. A process decodes file after file, within limits of memory and time. One that
@@ -155,12 +155,14 @@ class _Worker:
 
 
 def _take_worker() -> _Worker:
-    while _idle:
-        worker = _idle.pop()
+    while True:
+        try:
+            worker = _idle.pop()  # threads may take from it at the same time
+        except IndexError:
+            return _Worker()
         if worker.is_alive:
             return worker
         worker.end()
-    return _Worker()
 
 
 @atexit.register

@@ -33,6 +33,8 @@ _TEMPERATURE_K = {
 _NAMES = {0: "an unnamed light", 17: "standard light A", 20: "D55", 21: "D65", 22: "D75", 23: "D50"}
 
 _UNUSABLE = "no colour matrix, the camera's channels are taken for Rec.709"
+_LARGEST, _LARGEST_CONDITION = 100.0, 1e4
+"""A camera's numbers are below 10. Beyond these, noise is all that would be seen."""
 _D50_XY = (0.3457, 0.3585)
 
 _Nine = tuple[float, float, float, float, float, float, float, float, float]
@@ -89,7 +91,7 @@ def camera_to_rec709(
     rec709_to_xyz = rgb_to_xyz(REC709)
     rec709_to_camera = xyz_to_camera @ rec709_to_xyz
     neutral = rec709_to_camera.sum(axis=1)
-    if not np.all(neutral > 0) or np.linalg.cond(rec709_to_camera) > 1e4:
+    if not np.all(neutral > 0) or np.linalg.cond(rec709_to_camera) > _LARGEST_CONDITION:
         return None, _UNUSABLE
     neutral /= neutral.max()
     if forward is None:
@@ -100,7 +102,10 @@ def camera_to_rec709(
     white = matrix @ neutral
     if not np.all(white > 0):
         return None, _UNUSABLE
-    return matrix / white[:, None], f"{origin}, daylight white"
+    matrix /= white[:, None]
+    if np.abs(matrix).max() > _LARGEST or np.linalg.cond(matrix) > _LARGEST_CONDITION:
+        return None, _UNUSABLE
+    return matrix, f"{origin}, daylight white"
 
 
 def _distance_from_daylight(matrix: DngMatrix) -> float:

@@ -65,15 +65,17 @@ def _unpacked(path: Path) -> Iterator[rawpy.RawPy]:
             raw.open_file(str(path))
             check_size(path, raw.sizes.raw_width, raw.sizes.raw_height)
             raw.unpack()
+            colours = raw.color_desc.decode()
+            if raw.num_colors != 1 and colours[: raw.num_colors] != "RGB":
+                raise InputError(
+                    f"{path}: a sensor of colours {colours}; wanted red, green and blue"
+                )
+            yield raw
         except (rawpy.LibRawError, rawpy.NotSupportedError) as error:
             # LibRaw's messages are bytes: b'Unsupported file format or not RAW file'
             reason = error.args[0] if error.args else error
             text = reason.decode(errors="replace") if isinstance(reason, bytes) else str(reason)
             raise UnreadableFrame(f"{path}: cannot be developed ({text})") from None
-        colours = raw.color_desc.decode()
-        if raw.num_colors != 1 and colours[: raw.num_colors] != "RGB":
-            raise InputError(f"{path}: a sensor of colours {colours}; wanted red, green and blue")
-        yield raw
 
 
 def _levels(path: Path, raw: rawpy.RawPy) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -101,8 +101,18 @@ def test_a_file_that_is_no_dng_takes_the_matrix_of_the_table() -> None:
         [DngMatrix((1.0,) * 9)],
         [dng_matrix(-CAMERA)],
         [dng_matrix(CAMERA, camera_to_d50=(0.0,) * 9)],
+        [dng_matrix(CAMERA, camera_to_d50=(1.0,) * 9)],
+        [dng_matrix(CAMERA, camera_to_d50=(1e9, 0.1, 0.1, 0.1, 1.0, 0.1, 0.1, 0.1, 1.0))],
     ],
-    ids=["none", "zeros", "singular", "negative", "forward of zeros"],
+    ids=[
+        "none",
+        "zeros",
+        "singular",
+        "negative",
+        "forward of zeros",
+        "forward singular",
+        "forward huge",
+    ],
 )
 def test_without_a_usable_matrix_that_is_said(matrices: list[DngMatrix]) -> None:
     matrix, origin = camera_to_rec709(matrices, None, NO_TABLE)
