@@ -28,10 +28,14 @@ _LOOKED_AT_PX = 2**21
 """Ghosts are looked for in pictures reduced to at most so many pixels."""
 
 _LARGEST_NOISE = 0.2
+"""Standard deviation of the noisiest values compared, in parts of them. It is 0.1 EV in a mean of
+nine, and the neighbourhood allows for more."""
+
 _LARGEST_VALUE = 0.9
 """Part of saturation above which values are not compared: curves are least known there."""
 
 _DEVIATIONS = 5.0
+
 _LEAST_CONTRADICTION_EV = 0.25
 """What moved by less is hardly seen, and a JPEG's blocks contradict by as much."""
 
@@ -40,7 +44,6 @@ _CHANNELS = 2
 
 _SAMPLE_PX, _FEWEST_PX = 2**14, 100
 _FITS = 6
-_TINY = 1e-6
 
 _SMALLEST_PX, _MARGIN_PX = 3, 3
 
@@ -51,13 +54,11 @@ Plane = NDArray[np.float32]
 class _Seen(NamedTuple):
     """A frame as it is compared, (H, W, 3): reduced, and smoothed over 3 by 3 pixels.
 
-    `log2_radiance` is held above what noise allows to measure, where `is_measured` ends, and
-    `noise_ev` is its standard deviation.
+    `log2_radiance` is held above what noise allows to measure, where `is_measured` ends.
     """
 
     frame: Frame
     log2_radiance: Plane
-    noise_ev: Plane
     is_measured: Mask
     is_full: Mask
 
@@ -69,8 +70,9 @@ def find_ghosts(bracket: Bracket, sensor: Sensor) -> Mask:
     darker one does not predict that the brighter is: what contradicts there, the merge leaves out
     by itself. Means over 3 by 3 pixels contradict each other if one lies outside of all that the
     other has within a pixel, which the edges of a frame that lies a little askew do not, by more
-    than five standard deviations of noise and 0.25 EV. What exposures differ by everywhere, as a
-    smooth function of brightness, comes of a wrong label or response and is no contradiction.
+    than 0.25 EV and five standard deviations of what they usually differ by. What exposures differ
+    by everywhere, as a smooth function of brightness, comes of a wrong label or response and is no
+    contradiction.
 
     Float counts have no noise model and show no ghosts.
     """
@@ -121,20 +123,11 @@ def without_ghosts(
 def _seen(frame: Frame, sensor: Sensor, step: int) -> _Seen:
     linear = np.asarray(cv2.blur(reduced_linear(frame, sensor, step), (3, 3)), np.float32)
     least, _ = measured_range(sensor, frame.exposure.gain, _LARGEST_NOISE)
-    held = np.maximum(linear, max(least, _TINY))
-    levels = np.geomspace(max(least, _TINY), 1.0, 64, dtype=np.float32)
-    table = sensor.linear_table()
-    spread = np.sqrt(sensor.variance_table(frame.exposure.gain)) / (3 * step)
-    noise_ev = np.empty_like(held)
-    for channel in range(3):
-        of_level = np.interp(levels, table[:, channel], spread[:, channel]) / levels / math.log(2)
-        noise_ev[..., channel] = np.interp(held[..., channel], levels, of_level)
-    is_full = (
-        table[reduced_brightest(frame.counts, step), np.arange(3)]
-        >= _LARGEST_VALUE * sensor.saturation
-    )
+    held = np.maximum(linear, np.float32(least))
+    brightest = sensor.linear_table()[reduced_brightest(frame.counts, step), np.arange(3)]
+    is_full = brightest >= _LARGEST_VALUE * sensor.saturation
     log2_radiance = np.log2(held) - np.float32(math.log2(frame.exposure.signal))
-    return _Seen(frame, log2_radiance, noise_ev, linear > least, is_full)
+    return _Seen(frame, log2_radiance, linear > least, is_full)
 
 
 def _contradicting(darker: _Seen, brighter: _Seen, sensor: Sensor) -> Mask:
@@ -143,13 +136,12 @@ def _contradicting(darker: _Seen, brighter: _Seen, sensor: Sensor) -> Mask:
     both = neither_full & darker.is_measured & brighter.is_measured
     excess_ev = brighter.log2_radiance - darker.log2_radiance
     expected = np.empty_like(excess_ev)
-    allowed_ev = _DEVIATIONS * np.hypot(darker.noise_ev, brighter.noise_ev)
+    allowed_ev = np.empty(3, np.float32)
     for c in range(3):
         level = darker.log2_radiance[..., c]
         usual_ev, spread_ev = _usual(level, excess_ev[..., c], both[..., c], sensor)
         expected[..., c] = level + usual_ev
-        least_ev = max(_DEVIATIONS * spread_ev, _LEAST_CONTRADICTION_EV)
-        np.maximum(allowed_ev[..., c], least_ev, out=allowed_ev[..., c])
+        allowed_ev[c] = max(_DEVIATIONS * spread_ev, _LEAST_CONTRADICTION_EV)
     square = np.ones((3, 3), np.uint8)
     least = np.asarray(cv2.erode(expected, square)) - allowed_ev
     most = np.asarray(cv2.dilate(expected, square)) + allowed_ev

@@ -17,7 +17,7 @@ GAMMAS_8_BIT = Sensor(
 )
 SENSORS = (SRGB_8_BIT, GAMMAS_8_BIT, LINEAR_12_BIT, LINEAR_16_BIT)
 WIDE_S = [1 / 64, 1 / 8, 1.0]
-REPEATS = 3000
+REPEATS = 2000
 
 each_sensor = pytest.mark.parametrize("sensor", SENSORS, ids=lambda sensor: sensor.source)
 
