@@ -72,6 +72,19 @@ def test_bent_edges_are_followed_where_straight_ones_mislead() -> None:
     assert ours < theirs / 4
 
 
+def test_clipped_whites_do_not_matter() -> None:
+    # At twice the light the edges look moved into the dark squares, by most of a pixel.
+    pose = board_pose(1.0, 0.6, 0.2, CHECKERBOARD, (0.1, 0.2, 0.4))
+    picture = render_board(LENS, SIZE, CHECKERBOARD, *pose, noise=0.0, blur_px=1.5)
+    noise = np.random.default_rng(0).normal(0.0, 1.5, picture.shape)
+    overexposed = np.clip(np.rint(2.0 * (picture - 20.0) + noise), 0, 255).astype(np.uint8)
+    view = _view(detect_board(overexposed, CHECKERBOARD, ""))
+    error = view.corners_px - true_corners(LENS, CHECKERBOARD, *pose)[view.point_ids]
+    assert len(view) == 42
+    assert np.sqrt(np.mean(error**2)) < 0.009
+    assert np.median(view.corner_sigma_px) < 0.01
+
+
 def test_sigma_is_what_corners_are_off_by() -> None:
     errors = []
     for azimuth in (0.0, 1.5):
