@@ -98,6 +98,11 @@ def test_newest_kernel_of_the_cache_is_taken(tmp_path: Path) -> None:
         ("apt-cache", "exit 0", "apt knows no linux-image-amd64; try apt-get update"),
         ("apt-get", "echo noise >&2; echo 'E: no network' >&2; exit 100", "E: no network"),
         ("apt-get", "touch half.deb", "dpkg-deb"),
+        (
+            "dpkg-deb",
+            '/usr/bin/dpkg-deb "$@"; echo "compressed data is corrupt" >&2; exit 2',
+            "compressed data is corrupt",
+        ),
         ("tar", "echo 'tar: No space left on device' >&2; exit 2", "No space left"),
     ],
 )

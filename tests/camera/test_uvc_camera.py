@@ -150,6 +150,8 @@ def test_stamp_in_a_jpeg_is_a_comment() -> None:
     data = stamped(bytearray(plain), "MJPG", 160, Stamp(70, 10, 0))
     assert stamp_of_data(data, "MJPG", 160) == Stamp(70, 10, 0)
     assert np.array_equal(decoded(data, "MJPG"), decoded(plain, "MJPG"))
+    (length,) = struct.unpack_from(">H", data, 4)
+    assert data[: 2 + 2] + data[4 + length :] == plain[:2] + b"\xff\xfe" + plain[2:]
     with pytest.raises(ValueError, match="no stamp"):
         stamp_of_data(plain, "MJPG", 160)
 
