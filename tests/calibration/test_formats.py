@@ -371,3 +371,30 @@ def test_files_of_real_cameras() -> None:
         ray = vmr.model.unproject(np.array([x, y]))[0]
         row, column = _world2cam(text, np.array([ray[1], ray[0], -ray[2]]))
         assert np.hypot(column - x, row - y) < 0.5
+
+
+@pytest.mark.data
+def test_kalibrs_models_of_one_camera_agree() -> None:
+    folder = _DATA / "calib-adapter-samples/kalibr"
+    if not folder.exists():
+        pytest.skip(f"{folder} is not here")
+    kinds = {
+        "DS": ("ds", "none", ("xi", "alpha", "fx", "fy", "cx", "cy"), ()),
+        "EUCM": ("eucm", "none", ("alpha", "beta", "fx", "fy", "cx", "cy"), ()),
+        "KB": ("pinhole", "equidistant", ("fx", "fy", "cx", "cy"), ("k1", "k2", "k3", "k4")),
+    }
+    x, y = np.meshgrid(np.linspace(40, 712, 15), np.linspace(40, 440, 9))
+    rays = []
+    for name, (kind, distortion, intrinsics, coefficients) in kinds.items():
+        values = parse_yaml((folder / f"{name}.yml").read_text())["parameter"]
+        text = (
+            f"cam0:\n  camera_model: {kind}\n  distortion_model: {distortion}\n"
+            f"  intrinsics: {[values[key] for key in intrinsics]}\n"
+            f"  distortion_coeffs: {[values[key] for key in coefficients]}\n"
+            "  resolution: [752, 480]\n"
+        )
+        model = FORMATS["kalibr"].read(text, "").model
+        rays.append(model.unproject(np.stack([x, y], axis=-1))[0])
+    for other in rays[1:]:  # three calibrations of one camera, which differ by 0.11° at most
+        apart = np.arcsin(np.linalg.norm(np.cross(rays[0], other), axis=-1))
+        assert np.rad2deg(apart).max() < 0.15
