@@ -112,7 +112,7 @@ def _compared(
         )
         fit = fit_robustly(corners, start, free)
         fits.append(fit)
-        residuals = cross_validated_px(corners, fit.solution, free, folds)
+        residuals = cross_validated_px(corners, fit, free, folds)
         errors.append(np.hypot(*residuals.T))
     # A wrong corner says nothing about the lens: beyond the limit all are equally wrong.
     limit = OUTLIER_SIGMAS * min(float(np.nanmedian(each)) for each in errors)

@@ -19,7 +19,6 @@ from calibration.camera import Calibration
 from calibration.lens.adjust import Solution, in_camera_m, typical_px
 from calibration.lens.choice import Trial, chosen, try_lenses
 from calibration.lens.corners import Corners, gather
-from calibration.lens.poses import Poses
 from calibration.lens.quality import UNCERTAINTY_LIMIT_RAD, Quality, assessed, valid_angle
 from calibration.lens.robust import Fit
 from calibration.lens.screening import LEAST_VIEWS, screen
@@ -37,7 +36,7 @@ _UNEXPLAINED = 0.15
 """Typical residual over the corners' spacing beyond which no lens explains them."""
 
 _OUTERMOST = 5
-"""How many corners must be as far out for an angle to count as covered."""
+"""How many corners must be as far out, or in, for an angle to count as seen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,15 +111,16 @@ def fit_lens(board: Board, views: Sequence[View], rejected: Sequence[Rejected] =
     refused += [Rejected(enough[view].name, why) for view, why in screened.reasons.items()]
     used = [enough[view] for view in screened.views]
     _check_count(used, refused)
+    _check_tilt(screened.fit)
 
     inside = corners.views(screened.views)
-    covered_rad = _covered(inside, screened.fit)
-    trials = try_lenses(inside, screened.fit, covered_rad)
+    seen_rad = _seen(inside, screened.fit)
+    trials = try_lenses(inside, screened.fit, seen_rad[1])
     best = chosen(trials)
     fit = best.fit
     model = fit.solution.model
-    quality = assessed(inside, trials, best, covered_rad, size_px)
-    _check_quality(quality, fit.solution.poses)
+    quality = assessed(inside, trials, best, seen_rad, size_px)
+    _check_quality(quality)
     return LensFit(
         Calibration(model, size_px, valid_angle(quality)),
         board,
@@ -160,24 +160,32 @@ def _check_count(used: Sequence[View], refused: Sequence[Rejected]) -> None:
     )
 
 
-def _covered(corners: Corners, fit: Fit) -> float:
-    """Return the angle beyond which only a few corners were seen."""
+def _seen(corners: Corners, fit: Fit) -> tuple[float, float]:
+    """Return the angles between which all but a few corners were seen."""
     x, y, z = in_camera_m(corners, fit.solution)[fit.kept].T
-    return float(np.sort(np.arctan2(np.hypot(x, y), z))[-_OUTERMOST:][0])
+    angles = np.sort(np.arctan2(np.hypot(x, y), z))
+    return float(angles[_OUTERMOST - 1]), float(angles[-_OUTERMOST])
 
 
-def _check_quality(quality: Quality, poses: Poses) -> None:
-    """Raise InputError where the lens is not known even halfway to the covered angle."""
-    halfway = quality.angle_rad <= quality.covered_rad / 2
-    if np.all(quality.sigma_rad[halfway] <= UNCERTAINTY_LIMIT_RAD):
-        return
-    tilt = np.arccos(np.clip(np.abs(poses.R_camera_board[:, 2, 2]), 0.0, 1.0))
+def _check_tilt(fit: Fit) -> None:
+    """Raise InputError where all boards stand as the sensor does.
+
+    A plane parallel to the sensor looks the same through a longer lens from farther away.
+    """
+    tilt = np.arccos(np.clip(np.abs(fit.solution.poses.R_camera_board[:, 2, 2]), 0.0, 1.0))
     if tilt.max() < _LEAST_TILT_RAD:
         raise InputError(
             "focal length and distance cannot be told apart: every board is parallel to the "
             "sensor; tilt the board by 30° or more in some pictures"
         )
-    raise InputError(
-        f"directions stay uncertain by {np.max(quality.sigma_rad[halfway]) * 1e3:.0f} mrad: "
-        "photograph the board more often, tilted, closer, and out to the rim"
-    )
+
+
+def _check_quality(quality: Quality) -> None:
+    """Raise InputError where the lens is not known in the middle of what was seen."""
+    middle = float(np.mean(quality.seen_rad))
+    sigma = float(np.interp(middle, quality.angle_rad, quality.sigma_rad))
+    if not sigma <= UNCERTAINTY_LIMIT_RAD:
+        raise InputError(
+            f"directions stay uncertain by {sigma * 1e3:.0f} mrad: photograph the board more "
+            "often, tilted, nearer, and out to the rim"
+        )

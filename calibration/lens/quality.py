@@ -42,26 +42,26 @@ class Quality:
         the fit, and what the choice of the model leaves open. Infinite where there is no direction.
     split_rad : (A,) float64
         Rms difference between lenses fitted to every other view; NaN where there is none.
-    covered_rad : float
-        Angle out to which corners were seen.
+    seen_rad : (float, float)
+        Between which angles corners were seen.
     """
 
     angle_rad: Array
     sigma_rad: Array
     split_rad: Array
-    covered_rad: float
+    seen_rad: tuple[float, float]
 
 
 def assessed(
     corners: Corners,
     trials: tuple[Trial, ...],
     best: Trial,
-    covered_rad: float,
+    seen_rad: tuple[float, float],
     size_px: tuple[int, int],
 ) -> Quality:
     """Return how sure the best trial's lens is, from all that the corners leave possible."""
     model = best.fit.solution.model
-    at = fan(covered_rad, _last_angle(model, size_px, covered_rad))
+    at = fan(seen_rad, _last_angle(model, size_px, seen_rad[1]))
     plausible = [trial for trial in trials if trial.plausible]
     possible = np.stack([_second_moment(trial, model, at) for trial in plausible])
     known = np.isfinite(possible)
@@ -75,7 +75,7 @@ def assessed(
         at.angle_rad,
         worst_sigma(covariance),
         np.sqrt(np.sum(split**2, axis=-1).mean(axis=-1)),
-        covered_rad,
+        seen_rad,
     )
 
 
@@ -97,7 +97,7 @@ def _refitted(corners: Corners, trial: Trial, views: NDArray[np.int64]) -> Camer
     return fit_robustly(corners.views(views), start, trial.free).solution.model
 
 
-def _last_angle(model: CameraModel, size_px: tuple[int, int], covered_rad: float) -> float:
+def _last_angle(model: CameraModel, size_px: tuple[int, int], outer_rad: float) -> float:
     """Return the largest angle that the picture's rim may show, or the model's limit."""
     width, height = size_px
     x, y = np.linspace(0, width - 1, 33), np.linspace(0, height - 1, 33)
@@ -108,14 +108,15 @@ def _last_angle(model: CameraModel, size_px: tuple[int, int], covered_rad: float
     directions, seen = model.unproject(rim)
     angle = np.arctan2(np.hypot(directions[:, 0], directions[:, 1]), directions[:, 2])
     last = float(np.max(angle[seen], initial=0.0)) if seen.all() else model.limit_angle_rad
-    return max(min(last, model.limit_angle_rad), covered_rad)
+    return max(min(last, model.limit_angle_rad), outer_rad)
 
 
 def valid_angle(quality: Quality) -> float:
     """Return the angle up to which corners were seen and directions are sure enough."""
-    good = (quality.sigma_rad <= UNCERTAINTY_LIMIT_RAD) & (quality.angle_rad <= quality.covered_rad)
-    bad = np.flatnonzero(~good)
-    first_bad = int(bad[0]) if len(bad) else len(good)
-    if first_bad == len(good) or quality.angle_rad[first_bad] > quality.covered_rad:
-        return quality.covered_rad
-    return float(quality.angle_rad[max(first_bad - 1, 0)])
+    inner, outer = quality.seen_rad
+    seen = (quality.angle_rad >= inner) & (quality.angle_rad <= outer)
+    unsure = quality.angle_rad[seen & ~(quality.sigma_rad <= UNCERTAINTY_LIMIT_RAD)]
+    if len(unsure) == 0:
+        return outer
+    sure = quality.angle_rad[seen & (quality.angle_rad < unsure[0])]
+    return float(sure[-1]) if len(sure) else inner

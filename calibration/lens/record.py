@@ -66,7 +66,7 @@ class LensRecord(msgspec.Struct, frozen=True):
     angle_rad: list[float]
     sigma_rad: list[float | None]
     split_rad: list[float | None]
-    covered_rad: float
+    seen_rad: tuple[float, float]
 
 
 def record_of(fit: LensFit) -> LensRecord:
@@ -98,7 +98,7 @@ def record_of(fit: LensFit) -> LensRecord:
         quality.angle_rad.tolist(),
         quality.sigma_rad.tolist(),
         quality.split_rad.tolist(),
-        quality.covered_rad,
+        quality.seen_rad,
     )
 
 
@@ -144,6 +144,7 @@ def summary(record: LensRecord, calibration: Calibration) -> list[str]:
     tried = {trial.model: trial for trial in record.trials}
     taken = tried[record.chosen]
     best = min(record.trials, key=lambda trial: trial.held_out_px)
+    inner, outer = np.rad2deg(record.seen_rad)
     corners = sum(len(view.kept) for view in record.views)
     wrong = corners - sum(sum(view.kept) for view in record.views)
     lines = [
@@ -153,11 +154,11 @@ def summary(record: LensRecord, calibration: Calibration) -> list[str]:
         f"{taken.model}: {taken.parameter_count} numbers, {taken.held_out_px:.3f} px rms at "
         f"corners it was not fitted to ({record.rms_px:.3f} where fitted); the simplest of "
         f"{len(tried)} lenses that is not worse than {best.model} ({best.held_out_px:.3f} px)",
-        f"directions are sure to {_listed(record.angle_rad, record.sigma_rad, record.covered_rad)} "
+        f"directions are sure to {_listed(record.angle_rad, record.sigma_rad, record.seen_rad)} "
         "(standard deviation)",
         "lenses from every other view differ by "
-        f"{_listed(record.angle_rad, record.split_rad, record.covered_rad)}",
-        f"corners were seen to {np.rad2deg(record.covered_rad):.1f}° from the axis; "
+        f"{_listed(record.angle_rad, record.split_rad, record.seen_rad)}",
+        f"corners were seen from {inner:.0f}° to {outer:.1f}° off the axis; "
         f"rays are taken to {np.rad2deg(calibration.valid_angle_rad):.1f}°",
     ]
     if len(record.views) < _FEW_VIEWS:
@@ -165,13 +166,16 @@ def summary(record: LensRecord, calibration: Calibration) -> list[str]:
     return lines
 
 
-def _listed(angle_rad: list[float], value_rad: list[float | None], last_rad: float) -> str:
-    """Return values in mrad at a few angles up to the last."""
-    at = [angle for angle in np.deg2rad([30, 60, 75, 90, 105]) if angle < last_rad]
+def _listed(
+    angle_rad: list[float], value_rad: list[float | None], seen_rad: tuple[float, float]
+) -> str:
+    """Return values in mrad at a few angles of those seen."""
+    inner, outer = seen_rad
+    at = [angle for angle in np.deg2rad([15, 30, 45, 60, 75, 90, 105]) if inner < angle < outer]
     values = [np.nan if each is None else each for each in value_rad]
     parts = [
         f"{np.interp(angle, angle_rad, values) * 1e3:.2f} mrad at {np.rad2deg(angle):.0f}°"
-        for angle in [*at, last_rad]
+        for angle in [*at[1::2], outer]
     ]
     return ", ".join(parts)
 

@@ -23,6 +23,9 @@ LEAST_VIEWS = 3
 _NOISY = 4.0
 """A view's typical residual over that of the middle view, beyond which it is left out."""
 
+_SUSPECT = 1.5
+"""A typical residual over the middle view's, beyond which a view is tried mirrored."""
+
 _WRONG_SHARE = 0.35
 """Share of wrong corners beyond which a view is left out."""
 
@@ -70,6 +73,9 @@ def screen(corners: Corners, start: Solution, free: Free, size_px: tuple[int, in
         behind = _from_behind(solution)
         if behind.sum() <= len(views) / 2:  # or the numbers of all are mirrored, which is no fault
             badness[behind] = np.inf
+        for view in np.flatnonzero(typical > _SUSPECT * np.median(typical)):
+            if _mirrored(inside.views(np.array([view])), fit, size_px):
+                badness[view] = np.inf
         if badness.max() <= 1 or len(views) <= LEAST_VIEWS:
             break
         views = np.delete(views, int(np.argmax(badness)))
@@ -97,26 +103,30 @@ def _reason(view: Corners, fit: Fit, size_px: tuple[int, int]) -> str:
     """Return why a view that was left out does not fit the lens of the others."""
     alone, residuals, behind = _posed(view, fit)
     limit_px = OUTLIER_SIGMAS * max(fit.sigma_px, _LEAST_PX)
-    size = np.hypot(*residuals.T)
-    wrong = int(np.sum(~(size <= limit_px)))
-    if behind and wrong < len(size) / 2:
-        return "its corners are numbered as in a mirror: the board is seen from behind"
-    if wrong < len(size) / 2:
-        return f"{wrong} of its {len(size)} corners are wrong: glare, or something before the board"
-    mirrored = view.with_pixels((size_px[0] - 1, 0) + view.pixels * (-1, 1))
-    if _posed(mirrored, fit)[0] < min(limit_px, alone / 3):
+    if _mirrored(view, fit, size_px):
         return "its picture is mirrored: flip it back"
     if not alone < _SCRAMBLED * view.spacing_px():
         return "its corners fit no pose of the board: another board, or they are in a wrong order"
+    if behind:
+        return "its corners are numbered as in a mirror: the board is seen from behind"
     if _neighbour_correlation(view, residuals) > _SMOOTH:
         return (
             f"its corners are off by {alone:.2f} px together: the camera or the board moved, the "
             "board was bent, or the lens was set differently"
         )
+    wrong = int(np.sum(~(np.hypot(*residuals.T) <= limit_px)))
+    if 0 < wrong < len(residuals) / 2:
+        return f"{wrong} of its {len(residuals)} corners are wrong: glare, or something before it"
     return (
         f"its corners are off by {alone:.2f} px each its own way: blurred or out of focus; "
         "use more light or a shorter exposure"
     )
+
+
+def _mirrored(view: Corners, fit: Fit, size_px: tuple[int, int]) -> bool:
+    """Whether a view fits the lens much better after it is mirrored."""
+    flipped = view.with_pixels((size_px[0] - 1, 0) + view.pixels * (-1, 1))
+    return _posed(flipped, fit)[0] < _posed(view, fit)[0] / 2
 
 
 def _posed(view: Corners, fit: Fit) -> tuple[float, Array, bool]:
@@ -138,9 +148,10 @@ def _posed(view: Corners, fit: Fit) -> tuple[float, Array, bool]:
 
 
 def _neighbour_correlation(view: Corners, residuals: Array) -> float:
-    """Return the correlation of residuals at points one apart in their numbers."""
+    """Return the correlation of residuals at points one apart in their numbers and on the board."""
     finite = np.asarray(np.isfinite(residuals).all(axis=-1))
-    pair = (np.diff(view.ids) == 1) & finite[1:] & finite[:-1]
+    beside = np.hypot(*np.diff(view.points_m, axis=0)[:, :2].T)
+    pair = (np.diff(view.ids) == 1) & (beside < 1.5 * np.median(beside)) & finite[1:] & finite[:-1]
     first, second = residuals[:-1][pair].ravel(), residuals[1:][pair].ravel()
     size = float(np.sqrt(np.sum(first**2) * np.sum(second**2)))
     return float(np.sum(first * second)) / size if size > 0 else 0.0

@@ -2,8 +2,8 @@
 
 Domain : errors of directions at pixels, in rad, after the rotation that fits them best is taken
 out: where the camera frame points is set anew whenever the camera is set up, so that a common
-rotation of all directions is no error of the lens. The rotation is fitted over the cap of
-directions in which corners were seen, every solid angle with the same weight.
+rotation of all directions is no error of the lens. The rotation is fitted over the angles at which
+corners were seen, every solid angle with the same weight.
 Source : the idea of D. Kogan's mrcal, covariance of the parameters carried to the projection with
 the board poses marginalised; there the rotation comes from the poses, here from the directions.
 Fails  : where the lens is of another kind than the model: see `spread` and the split difference.
@@ -36,7 +36,7 @@ class Fan:
     tangents : (A, 16, 3, 2) float64
         Outward and around, unit vectors orthogonal to the direction.
     weight : (A, 16) float64
-        Of the rotation's fit: the solid angle, 0 beyond the cap.
+        Of the rotation's fit: the solid angle, 0 where nothing was seen.
     """
 
     angle_rad: Array
@@ -53,8 +53,8 @@ class Fan:
         return np.asarray(errors - np.einsum("ajkc,c...->ajk...", turns, rotation))
 
 
-def fan(cap_angle_rad: float, last_angle_rad: float, count: int = 64) -> Fan:
-    """Return directions at `count` angles up to the last; rotations are fitted up to the cap's."""
+def fan(seen_rad: tuple[float, float], last_angle_rad: float, count: int = 64) -> Fan:
+    """Return directions at `count` angles up to the last; rotations are fitted to those seen."""
     angle = np.linspace(0.0, last_angle_rad, count + 1)[1:]
     azimuth = np.arange(_AZIMUTHS) * (2 * np.pi / _AZIMUTHS)
     sine, cosine = np.sin(angle)[:, None], np.cos(angle)[:, None]
@@ -63,7 +63,8 @@ def fan(cap_angle_rad: float, last_angle_rad: float, count: int = 64) -> Fan:
     directions = np.stack([sine * x, sine * y, cosine + zero], axis=-1)
     outward = np.stack([cosine * x, cosine * y, zero - sine], axis=-1)
     around = np.stack([zero - y, zero + x, zero], axis=-1)
-    weight = np.where(angle <= cap_angle_rad, np.sin(angle), 0.0)[:, None] + zero
+    seen = (angle >= seen_rad[0]) & (angle <= seen_rad[1])
+    weight = np.where(seen, np.sin(angle), 0.0)[:, None] + zero
     return Fan(angle, directions, np.stack([outward, around], axis=-1), weight)
 
 

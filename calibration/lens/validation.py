@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from calibration.lens.adjust import Free, Solution, adjust, residuals_px, typical_px
 from calibration.lens.corners import Corners
-from calibration.lens.robust import fit_robustly
+from calibration.lens.robust import Fit
 from calibration.models.parameters import parameters
 
 Array = NDArray[np.float64]
@@ -35,23 +35,19 @@ def predicted_residuals_px(corners: Corners, solution: Solution) -> Array:
     return residuals
 
 
-def cross_validated_px(corners: Corners, start: Solution, free: Free, folds: int) -> Array:
+def cross_validated_px(corners: Corners, fit: Fit, free: Free, folds: int) -> Array:
     """Return the residuals (N, 2) of all corners under lenses fitted without their views.
 
-    Views are dealt to the folds in turn. Each fit begins from `start`, the fit of all views, which
-    saves time and keeps every fold in the same minimum.
+    Views are dealt to the folds in turn. Each lens begins from the fit of all views, which keeps
+    every fold in the same minimum, and is not fitted to the corners that this found wrong.
     """
     views = np.arange(corners.view_count)
+    start = fit.solution
     residuals = np.full_like(corners.pixels, np.nan)
     for fold in range(folds):
-        out = views % folds == fold
-        inside = views[~out]
-        trained = fit_robustly(
-            corners.views(inside),
-            replace(start, poses=start.poses.views(inside)),
-            free,
-        ).solution
-        outside = views[out]
+        inside, outside = views[views % folds != fold], views[views % folds == fold]
+        right = corners.where(fit.kept).views(inside)
+        trained = adjust(right, replace(start, poses=start.poses.views(inside)), free).solution
         solution = replace(trained, poses=start.poses.views(outside))
         residuals[np.isin(corners.view_of, outside)] = predicted_residuals_px(
             corners.views(outside), solution
