@@ -136,22 +136,13 @@ def _asymmetric_fit(functions, solid_angle, radiance, overshoot_weight):  # type
         for i in range(number):
             values[i] = min(radiance[i, channel], most)
         is_over = np.zeros(number, np.bool_)
-        normal = np.empty((count, count))
-        right = np.empty(count)
+        normal = np.zeros((count, count))
+        right = np.zeros(count)
+        for i in range(number):
+            _add_block(normal, right, functions, i, values[i], solid_angle[i])
+        for k in range(count):
+            normal[k, k] += _RIDGE
         for _ in range(_ROUNDS):
-            normal[:] = 0.0
-            right[:] = 0.0
-            for i in range(number):
-                weight = solid_angle[i] * (overshoot_weight if is_over[i] else 1.0)
-                for k in range(count):
-                    weighted = weight * functions[i, k]
-                    right[k] += weighted * values[i]
-                    for m in range(k + 1):
-                        normal[k, m] += weighted * functions[i, m]
-            for k in range(count):
-                normal[k, k] += _RIDGE
-                for m in range(k):
-                    normal[m, k] = normal[k, m]
             solution = np.linalg.solve(normal, right)
             is_settled = True
             for i in range(number):  # BLAS would wake its threads for this
@@ -160,8 +151,20 @@ def _asymmetric_fit(functions, solid_angle, radiance, overshoot_weight):  # type
                     fit += functions[i, k] * solution[k]
                 if is_over[i] != (fit > values[i]):
                     is_over[i] = not is_over[i]
+                    more = overshoot_weight - 1.0 if is_over[i] else 1.0 - overshoot_weight
+                    _add_block(normal, right, functions, i, values[i], solid_angle[i] * more)
                     is_settled = False
             if is_settled:
                 break
         coefficients[:, channel] = solution
     return coefficients
+
+
+@njit(cache=True, nogil=True)
+def _add_block(normal, right, functions, i, value, weight):  # type: ignore[no-untyped-def]
+    """Add block i to the normal equations of a fit."""
+    for k in range(len(right)):
+        weighted = weight * functions[i, k]
+        right[k] += weighted * value
+        for m in range(len(right)):
+            normal[k, m] += weighted * functions[i, m]
