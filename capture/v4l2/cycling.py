@@ -21,7 +21,8 @@ from capture.v4l2.settling import RECENT, SetExposure, Settling, earliest_stamp
 from capture.v4l2.stream import Delivery, FrameStream
 
 _STALE = 3.0
-"""Frame intervals after which a frame that waited is stale: one is sent, one is exposed."""
+"""Frame intervals after which a frame that waited is stale: it takes one to be sent, and up to one
+more passes before it is asked for."""
 
 _LEAST_MARGIN = 0.15
 """Frame intervals of certainty to keep on either side of a frame, for settings that come late."""
@@ -44,13 +45,13 @@ class CameraCounters:
     surplus : int
         Of a known exposure that was not wanted again.
     errors : int
-        Marked as damaged by the driver.
+        Damaged, by the driver's mark or because they cannot be read.
     stale : int
         Waited while nobody read.
     gaps : int
         Frames that never came, by the driver's count.
     contradictions : int
-        Brackets whose pixels contradicted their exposures.
+        Brackets whose pixels contradicted their exposures; their frames count as used.
     """
 
     frames: int = 0

@@ -23,8 +23,8 @@ class VideoNode:
     Attributes
     ----------
     path : Path
-    card, driver : str
-        What the device calls itself, and the kernel's driver for it.
+    card : str
+        What the device calls itself.
     fd : int
 
     Raises
@@ -49,7 +49,7 @@ class VideoNode:
                 raise CameraLost(f"{path}: the camera is gone ({error.strerror})") from None
             raise InputError(f"{path}: cannot be opened ({error.strerror})") from None
         try:
-            self.card, self.driver = self._identify()
+            self.card = self._identify()
         except BaseException:
             self.close()
             raise
@@ -99,14 +99,14 @@ class VideoNode:
     ) -> None:
         self.close()
 
-    def _identify(self) -> tuple[str, str]:
+    def _identify(self) -> str:
         answer = kernel.Capability()
         try:
             self.call(kernel.QUERY_CAPABILITY, answer, "ask what it is")
         except OSError:
             raise InputError(f"{self.path}: not a video device") from None
-        of_node = answer.capabilities & kernel.HAS_DEVICE_CAPABILITIES
-        abilities = answer.device_caps if of_node else answer.capabilities
+        tells_own = answer.capabilities & kernel.HAS_DEVICE_CAPABILITIES
+        abilities = answer.device_caps if tells_own else answer.capabilities
         card = answer.card.decode(errors="replace")
         if not abilities & kernel.CAN_CAPTURE:
             reason = (
@@ -117,4 +117,4 @@ class VideoNode:
             raise InputError(f"{self.path} ({card}): {reason}")
         if not abilities & kernel.CAN_STREAM:
             raise InputError(f"{self.path} ({card}): cannot stream into buffers")
-        return card, answer.driver.decode(errors="replace")
+        return card

@@ -49,11 +49,6 @@ class Settling:
     frame_interval_s: float
 
     @property
-    def frames(self) -> float:
-        """The delay k, in frame intervals: a frame is taken if stamped after done + k intervals."""
-        return self.latest_s / self.frame_interval_s
-
-    @property
     def doubt_s(self) -> float:
         """For how long after a setting it is not known whether a frame has it."""
         return self.latest_s - self.earliest_s + self.setting_s
