@@ -151,10 +151,14 @@ def test_a_crash_inside_an_exr_sequence_is_one_bad_frame(tmp_path: Path) -> None
     path = tmp_path / "a.exr"
     write_exr(path, {"R": PIXELS}, {})
     read_exr(path)
-    worker = decoding._idle[-1]
-    os.kill(worker._process.pid, signal.SIGSTOP)
-    threading.Timer(0.1, os.kill, (worker._process.pid, signal.SIGSEGV)).start()
-    threading.Timer(0.1, os.kill, (worker._process.pid, signal.SIGCONT)).start()
+    process = decoding._idle[-1]._process.pid
+    os.kill(process, signal.SIGSTOP)
+
+    def crash() -> None:
+        os.kill(process, signal.SIGSEGV)  # dealt with as soon as it goes on
+        os.kill(process, signal.SIGCONT)
+
+    threading.Timer(0.1, crash).start()
     with pytest.raises(UnreadableFrame, match=r"a\.exr: its decoder crashed \(SIGSEGV\)"):
         read_exr(path)
     np.testing.assert_array_equal(read_exr(path).channels["R"], PIXELS)
