@@ -140,7 +140,15 @@ class BracketCamera:
         return self.settling.frame_interval_s
 
     def nearest_exposure(self, time_s: float) -> float:
-        """Return the exposure time nearest to `time_s` that the camera can really do."""
+        """Return the exposure time nearest to `time_s` that the camera can really do.
+
+        Raises
+        ------
+        InputError
+            If `time_s` is not above 0.
+        """
+        if not time_s > 0:
+            raise InputError(f"an exposure time must be above 0 s, got {time_s}")
         shortest_s, longest_s = self.exposure_range_s
         return self._exposure.nearest(min(max(time_s, shortest_s), longest_s))
 

@@ -7,6 +7,7 @@ driver gave them.
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from math import inf
 from typing import TypeVar
 
 from capture.errors import InputError
@@ -153,6 +154,8 @@ def choose_interval(node: VideoNode, picture: PictureFormat, rate_hz: float | No
     InputError
         If the camera does not run at that rate; those it offers are listed.
     """
+    if rate_hz is not None and not 0 < rate_hz < inf:
+        raise InputError(f"a frame rate must be above 0, got {rate_hz}")
     offered = list_intervals(node, picture)
     parameters = kernel.StreamParameters(type=kernel.VIDEO_CAPTURE)
     purpose = "set its frame rate"

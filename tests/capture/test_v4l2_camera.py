@@ -106,13 +106,14 @@ def test_what_cannot_be_run_is_refused_and_closed(monkeypatch: pytest.MonkeyPatc
     assert rig.node.closed == 2
 
 
-def test_a_bracket_of_nothing_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bracket_of_nothing_and_exposures_of_nothing_are_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     Rig(monkeypatch)
-    with (
-        open_camera(CameraRequest("0")) as camera,
-        pytest.raises(InputError, match="at least one exposure"),
-    ):
-        camera.capture([])
+    with open_camera(CameraRequest("0")) as camera:
+        for times_s in ([], [0.0], [0.01, -1.0], [float("nan")]):
+            with pytest.raises(InputError, match="at least one exposure|must be above 0 s"):
+                camera.capture(times_s)
 
 
 def test_a_machine_that_was_too_busy_to_prove_the_delay_measures_it_again(

@@ -67,3 +67,9 @@ def test_the_rate_is_the_highest_or_the_one_asked_for_or_refused() -> None:
     assert choose_interval(fixed, picture, None) == pytest.approx(1 / 10)
     with pytest.raises(InputError, match="wanted 30 frames a second, the driver gave 10"):
         choose_interval(fixed, picture, 30)
+
+
+@pytest.mark.parametrize("rate_hz", [0.0, -30.0, float("nan"), float("inf")])
+def test_a_rate_that_is_none_is_refused(rate_hz: float) -> None:
+    with pytest.raises(InputError, match="frame rate must be above 0"):
+        choose_interval(node(), PictureFormat("YUYV", (640, 480), 1280), rate_hz)
