@@ -112,7 +112,7 @@ def test_a_bracket_of_nothing_and_exposures_of_nothing_are_refused(
     Rig(monkeypatch)
     with open_camera(CameraRequest("0")) as camera:
         for times_s in ([], [0.0], [0.01, -1.0], [float("nan")]):
-            with pytest.raises(InputError, match="at least one exposure|must be above 0 s"):
+            with pytest.raises(InputError, match=r"at least one exposure|must be above 0 s"):
                 camera.capture(times_s)
 
 
