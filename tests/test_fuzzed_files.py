@@ -44,7 +44,7 @@ from lighting.light_set import LightSet
 from tests.capture.dng_files import dng
 
 # Of the profile: 100 by default, 20,000 of the one named fuzz (tests/conftest.py).
-LIMITS = settings(max_examples=settings.default.max_examples // 4, deadline=5000)
+LIMITS = settings(max_examples=settings.default.max_examples // 5, deadline=5000)
 
 COUNTS = np.random.default_rng(1).integers(0, 256, (8, 12, 3), dtype=np.uint8)
 
