@@ -2,9 +2,10 @@
 
 Domain : cameras that follow as `capture.v4l2.settling` describes; exposures within a frame.
 Input  : a running stream.    Output : frames whose exposure is certain.
-Cost   : a frame for each exposure, if the delay is steady and settings take less than a tenth of a
+Cost   : a frame for each exposure, if the delay is steady and settings take less than a fifth of a
          frame: four times as many brackets as by waiting for each exposure to show.
-Fails  : where the delay varies by more than was measured (tests/limits/test_camera_wandering_delay).
+Fails  : where the delay varies by more than was measured; see
+         tests/limits/test_camera_wandering_delay.py.
 
 Settings are sent ahead, one for each frame where the camera's delay is steady enough, at the moment
 that leaves the frame they are meant for furthest from doubt. Which exposure a frame has is then

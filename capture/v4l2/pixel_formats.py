@@ -89,7 +89,10 @@ def pixel_sensor(picture: PictureFormat, brightest_dn: int) -> Sensor:
     bits = layout.bits
     if bits == 16:
         bits = next(bits for bits in (10, 12, 14, 16) if brightest_dn < 2**bits)
-    return Sensor(0.0, 2.0**bits - 1, source=f"linear {picture.fourcc}, white at {bits} bits")
+    source = f"linear {picture.fourcc}, white taken at {bits} bits and black at 0"
+    if layout.kind == "bayer":
+        source += ", in the sensor's own colours"
+    return Sensor(0.0, 2.0**bits - 1, source=source)
 
 
 def decode(data: bytes, picture: PictureFormat, sensor: Sensor) -> NDArray[Any]:
