@@ -113,10 +113,11 @@ def without_ghosts(
     radiance, variance, clipped = image.radiance.copy(), image.variance.copy(), image.clipped.copy()
     for position in np.unique(chosen[1:]):
         here = position_of == position
-        single = merge_bracket(Bracket((frames[position],)), sensor)
-        radiance[here] = single.radiance[here]
-        variance[here] = single.variance[here]
-        clipped[here] = single.clipped[here]
+        only = replace(frames[position], counts=frames[position].counts[here][None])
+        single = merge_bracket(Bracket((only,)), sensor)
+        radiance[here] = single.radiance[0]
+        variance[here] = single.variance[0]
+        clipped[here] = single.clipped[0]
     return replace(image, radiance=radiance, variance=variance, clipped=clipped)
 
 
