@@ -3,7 +3,7 @@
 Domain : a camera latches its settings once a frame, some frames ahead. A setting made at time s is
          then in every frame stamped after s + D, and in none before; D is some 1 to 4 frames.
 Input  : a running stream.    Output : Settling, bounds of D and the frame interval.
-Cost   : about 60 frames.
+Cost   : some 90 frames.
 Fails  : in a picture that does not depend on exposure (a covered lens), which is refused.
 """
 
@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import NamedTuple
 
-from capture.errors import CameraStalled, InputError
+from capture.errors import CameraStalled, InputError, UnreadableFrame
 from capture.v4l2.stream import Delivery, FrameStream
 
 SetExposure = Callable[[float], float]
@@ -27,12 +27,12 @@ RECENT = 6
 
 _STEPS = 12
 _LEVEL_FRAMES = 12  # more than any camera's delay
-_MOST_FRAMES = 40  # after which a step is taken not to have come
+_MOST_FRAMES = 40  # after which a step, or a frame that is whole, is taken not to come
 _LEAST_CONTRAST = 0.01  # of the larger level
 _OLD, _NEW = 0.2, 0.8  # shares of a step; between them the camera is on its way
 _GUARD = 0.1  # frame intervals that delays may wander beyond what was measured
 _WANDER = 0.1  # frame intervals, above which a delay is not taken for constant
-_MOST_AGE_S = 60.0
+_LEAST_AGE_S, _MOST_AGE_S = -0.1, 60.0  # of a frame that comes; some drivers estimate its time
 
 
 @dataclass(frozen=True)
@@ -140,8 +140,10 @@ class _FrameLog:
 
     def read(self) -> None:
         """Wait for a frame that is whole."""
-        while not self._take(self.stream.next_frame(START_S)):
-            pass
+        for _ in range(_MOST_FRAMES):
+            if self._take(self.stream.next_frame(START_S)):
+                return
+        raise CameraStalled(f"the camera sent {_MOST_FRAMES} damaged frames one after the other")
 
     def read_until(self, time_s: float) -> None:
         """Take the frames that come until a time."""
@@ -169,14 +171,17 @@ class _FrameLog:
         if delivery is None:
             raise CameraStalled(f"the camera sent no frame within {START_S:.0f} s")
         age_s = self.stream.now_s() - delivery.timestamp_s
-        if not 0 <= age_s < _MOST_AGE_S:
+        if not _LEAST_AGE_S <= age_s < _MOST_AGE_S:
             raise InputError(
                 f"frames are stamped {age_s:.3g} s before they come, so by another clock than "
                 "CLOCK_MONOTONIC; for USB cameras, load uvcvideo with clock=CLOCK_MONOTONIC"
             )
         if delivery.is_damaged or not delivery.data:
             return False
-        self.levels.append(self._level_of(delivery.data))
+        try:
+            self.levels.append(self._level_of(delivery.data))
+        except UnreadableFrame:
+            return False
         self.recent.append(delivery)
         self._moments.append((delivery.sequence, delivery.timestamp_s))
         return True

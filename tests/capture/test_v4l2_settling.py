@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from capture.errors import CameraLost, CameraStalled, InputError
+from capture.errors import CameraLost, CameraStalled, InputError, UnreadableFrame
 from capture.v4l2.settling import Settling, measure_settling
 from capture.v4l2.stream import Delivery
 from tests.capture.simulated_camera import SimulatedCamera
@@ -59,6 +59,20 @@ def test_damaged_frames_are_not_looked_at() -> None:
     settling = measure_settling(camera, camera.set_exposure, level, EXTREMES_S)
     assert settling.earliest_s < 0.08 < settling.latest_s
     assert not {SimulatedCamera.number_of(data) for data in seen} & damaged
+
+
+def test_frames_that_cannot_be_read_are_left_out_and_too_many_told() -> None:
+    camera = SimulatedCamera()
+
+    def level(data: bytes) -> float:
+        if SimulatedCamera.number_of(data) % 4 == 1:
+            raise UnreadableFrame("breaks off")
+        return camera.level(data)
+
+    settling = measure_settling(camera, camera.set_exposure, level, EXTREMES_S)
+    assert settling.earliest_s < 0.08 < settling.latest_s
+    with pytest.raises(CameraStalled, match="40 damaged frames one after the other"):
+        measure(SimulatedCamera(damaged=set(range(30, 300))))
 
 
 def test_a_covered_lens_is_refused() -> None:
