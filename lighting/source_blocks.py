@@ -139,7 +139,8 @@ class _Light:
             pixel_radiance,
             self.sums.reshape(-1, 7),
         )
-        if clipped.any() or not valid.all():
+        is_marked = clipped | ~valid
+        if is_marked.any():
             _add_marks(
                 tasks,
                 entries.blocks,
@@ -148,6 +149,7 @@ class _Light:
                 entries.weights,
                 entries.illumination,
                 pixel_radiance,
+                is_marked.ravel(),
                 valid.ravel(),
                 clipped.ravel(),
                 self.missing_sr.ravel(),
@@ -218,6 +220,7 @@ def _add_marks(  # type: ignore[no-untyped-def]
     weights,
     illumination,
     radiance,
+    is_marked,
     valid,
     clipped,
     missing_sr,
@@ -229,6 +232,8 @@ def _add_marks(  # type: ignore[no-untyped-def]
         for i in range(tasks[task], tasks[task + 1]):
             for k in range(starts[i], starts[i + 1]):
                 p = pixels[k]
+                if not is_marked[p]:
+                    continue
                 if not valid[p]:
                     share = illumination[p] if len(illumination) else 1.0
                     missing_sr[blocks[i]] += weights[k, 0] * share
