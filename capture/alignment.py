@@ -2,6 +2,7 @@
 
 Input  : Bracket and Sensor.
 Output : Alignment of each frame against the darkest; Bracket and Sensor for capture.merge.
+Cost   : 0.3 s per frame and megapixel on one core, of at most 2 megapixels.
 Fails  : a motion is a shift and a turn about the lens axis. A fisheye that is tilted by hand moves
          the middle of its picture, but hardly the rim beside the axis that it is tilted about: what
          is left there is as large as the shift, which is why large ones are refused. Dirt on the
@@ -105,12 +106,15 @@ def align_bracket(bracket: Bracket, sensor: Sensor) -> AlignedBracket:
 
     Frames that have not moved are not resampled; if none has, the bracket and the sensor are those
     that came. Otherwise all counts become finer ones (capture.fine_counts).
-    Resampled is linear light (bilinear), which keeps sums of light; it becomes counts again so that
-    the merge judges saturation, contradiction and noise as ever. A value that any full one has a
-    part in is full. What a frame does not show is full too: the merge leaves it out, except of the
-    darkest exposures, which it keeps; a repeat of the darkest frame shows there what that shows.
-    The variance is that of a value before resampling. A single one is less noisy, but neighbours
-    now share their noise, and a sum over many has the variance that the sum of theirs says.
+
+    Resampled is linear light, which keeps sums of light, and bilinearly: cubic kernels overshoot
+    beside lights, and on five of six real maps their rms error was larger, by up to 0.07 stops. It
+    becomes counts again so that the merge judges saturation, contradiction and noise as
+    ever. A value that any full one has a part in is full. What a frame does not show is full too,
+    and the merge leaves it out. It keeps the darkest exposures whatever they show, so a repeat of
+    the darkest frame shows there what that shows. The variance is that of a value before
+    resampling: a single one is less noisy, but neighbours now share their noise, and a sum over
+    many has the variance that the sum of theirs says.
 
     Float counts are radiance already, and are taken to lie straight.
 
