@@ -25,4 +25,4 @@ class CameraLost(FishlightError):
 
 
 class CameraStalled(FishlightError):
-    """The camera is there but sends no frame; closing and opening it again often helps."""
+    """The camera is there but sends no frame that can be used; opening it again often helps."""

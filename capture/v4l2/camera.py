@@ -16,7 +16,7 @@ from typing import Self
 
 import numpy as np
 
-from capture.errors import InputError, UnreadableFrame
+from capture.errors import CameraStalled, InputError, UnreadableFrame
 from capture.frame import Bracket, Exposure, Frame
 from capture.sensor import Sensor
 from capture.v4l2.consistency import find_contradiction
@@ -103,6 +103,7 @@ class BracketCamera:
         Shortest and longest exposure.
     exposure_step_s : float
     counters : CameraCounters
+        Without the frames by which the delay was measured.
     """
 
     def __init__(
@@ -165,7 +166,7 @@ class BracketCamera:
         CameraLost
             If the camera was unplugged.
         CameraStalled
-            If it sends nothing any more.
+            If it sends nothing any more, or does not follow its exposures any more.
         """
         frames = self.capture_undecoded(times_s)
         bracket = Bracket(tuple(map(self.decode, frames)), self._brackets)
@@ -183,7 +184,10 @@ class BracketCamera:
             if contradiction is None:
                 return tuple(map(_camera_frame, exposed))
             self.counters.contradictions += 1
-        self.settling, _, self._cycle = self._calibrate()
+        try:
+            self.settling, _, self._cycle = self._calibrate()
+        except InputError as error:
+            raise CameraStalled(f"{self.name}: no longer follows its exposures: {error}") from error
         raise UnreadableFrame(
             f"{self.name}: frames contradict their exposures ({contradiction}), because the light "
             "changes or the camera does not keep to its settings"

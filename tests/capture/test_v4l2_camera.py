@@ -64,6 +64,18 @@ def test_a_delay_that_changes_is_caught_by_the_pixels_and_measured_again(
         assert rig.mislabelled(camera, 10) == 0
 
 
+def test_a_camera_that_stops_following_while_it_runs_is_stalled(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As one that has gone back to automatic exposure: opening it again sets its controls."""
+    rig = Rig(monkeypatch)
+    with open_camera(CameraRequest("0")) as camera:
+        camera.capture(TIMES_S)
+        monkeypatch.setattr(rig.stream, "set_exposure", lambda time_s: time_s)
+        with pytest.raises(CameraStalled, match="no longer follows its exposures"):
+            rig.mislabelled(camera, 5)
+
+
 def test_light_that_changes_within_a_bracket_costs_a_bracket_not_an_error(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
