@@ -1,4 +1,4 @@
-"""`fishlight calibrate`: a sub-command for each thing that is estimated."""
+"""`fishlight calibrate`: a sub-command for each thing that is estimated, and for exchange."""
 
 from cyclopts import App
 
@@ -7,7 +7,8 @@ from calibration.lens_cli import calibrate_lens
 from calibration.response_cli import calibrate_response
 
 calibrate_app = App(
-    name="calibrate", help="Estimate what a camera does to light, from its own pictures."
+    name="calibrate",
+    help="Estimate how a camera sees from its own pictures, or take it from a file.",
 )
 calibrate_app.command(calibrate_lens, name="lens")
 calibrate_app.command(calibrate_response, name="response")
