@@ -32,8 +32,8 @@ from lighting.light_stream import LightPlan, StreamMemory, next_lights
 from lighting.reduce import BLOCK_METHODS
 from lighting.remap import apply_remap, build_remap
 from lighting.source_blocks import apply_source_blocks, build_source_blocks
+from render.baked import BakedRenderer
 from render.gl import create_context, describe
-from render.renderer import Renderer
 from render.replay_folder import ReplayFolder, check_output, write_session
 from render.scene import Camera, Scene
 from render.session import Counters, StageClock, run_session
@@ -135,7 +135,7 @@ def replay(
     failures: list[str] = []
     with (
         create_context() as context,
-        Renderer(context, scene, camera) as renderer,
+        BakedRenderer(context, scene, camera) as renderer,
         ReplayFolder(output, camera.size_px, frame_rate_hz(recording)) as folder,
     ):
         gl = describe(context)
