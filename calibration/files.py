@@ -21,7 +21,7 @@ from capture.errors import InputError
 from capture.files import read_bytes
 from capture.output import write_text
 
-_MAX_BYTES = 16 << 20
+_MAX_BYTES = 2**24
 """Largest calibration file that is read."""
 
 _Row = tuple[float, float, float]

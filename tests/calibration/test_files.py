@@ -173,7 +173,7 @@ def test_an_existing_file_is_kept_unless_forced(tmp_path: Path) -> None:
 def test_a_giant_is_refused_unread(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "giant.json"
     path.touch()
-    os.truncate(path, 2**20 + 1)  # takes no place on the disk
+    os.truncate(path, 2**24 + 1)  # takes no place on the disk
     monkeypatch.setattr(Path, "read_bytes", None)
     with pytest.raises(InputError, match=r"giant\.json: .* more than"):
         read_calibration(path)
