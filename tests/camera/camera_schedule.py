@@ -15,6 +15,7 @@ import time
 import traceback
 from collections.abc import Callable, Sequence
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -53,7 +54,7 @@ class Schedule:
 
     def run(self) -> None:
         """Take every step; one that fails is reported, and the next one is taken all the same."""
-        preload_mapped_files()
+        preload()
         self._process.tell("plug")
         steps: dict[str, Callable[[], Outcome]] = {
             "automatic": set_exposure_in_automatic_mode,
@@ -74,6 +75,7 @@ class Schedule:
                 outcome |= {"retries": self._retries, "duration_s": time.monotonic() - started_s}
                 self._retries = []
                 report.write(json.dumps(outcome) + "\n")
+                print(name, outcome.get("error", "done"), *outcome["retries"], flush=True)
         shutil.copytree(self._memory, self._share / "recordings")
 
     def _take_brackets(self) -> Outcome:
@@ -186,8 +188,13 @@ class Schedule:
         return action()
 
 
-def preload_mapped_files() -> None:
-    """Read what this process has mapped into memory, so that no page of it is missing later."""
+def preload() -> None:
+    """Import what the forks will need, and read all that is mapped: nothing waits for files later.
+
+    While the guest waits for the host, its clock leaps ahead.
+    """
+    for module in ("render.app", "capture.record_cli"):
+        import_module(module)
     maps = Path("/proc/self/maps").read_text().splitlines()
     for name in {line.partition("/")[2] for line in maps} - {""}:
         Path("/", name).read_bytes()
