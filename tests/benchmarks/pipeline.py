@@ -41,9 +41,9 @@ from lighting.remap import apply_remap, build_remap
 from lighting.scenario import scenario
 from lighting.simulate import simulate_recording
 from lighting.source_blocks import apply_source_blocks, build_source_blocks
+from render.baked import BakedRenderer
 from render.default_scene import default_scene
 from render.gl import create_context
-from render.renderer import Renderer
 from render.session import run_session
 from tests.environments import environment, outdoors
 
@@ -133,7 +133,7 @@ def _timed(times: Times, stage: str, action: Callable[[], Any]) -> Any:
 
 def _ours(recording: Recording) -> Callable[[int], Times]:
     remap = build_remap(CAMERA, MAP_HEIGHT)
-    renderer = Renderer(create_context(), *default_scene())
+    renderer = BakedRenderer(create_context(), *default_scene())
     memory, reduce = PictureMemory(), _Reduction()
 
     def one_bracket(position: int) -> Times:

@@ -1,7 +1,8 @@
-"""The renderer: the parts of a frame, whole frames, and a ray caster in numpy as the peer.
+"""The renderers: the parts of a frame, whole frames, and a ray caster in numpy as the peer.
 
 640×480, one sample per pixel, 64 lights, the default scene (24,576 triangles). The peer sees a
-sphere on a plane, which is all it can; accuracy is the relative RMSE between the two.
+sphere on a plane, which is all it can; accuracy is the relative RMSE between the two. Shadows of
+lights with an extent, and of a fill, are compared in a smaller picture, 160×120.
 """
 
 import math
@@ -14,6 +15,8 @@ from typing import Any
 import moderngl
 import numpy as np
 
+from lighting.light_set import LightSet
+from render.baked import BakedRenderer
 from render.casters import gather_casters
 from render.default_scene import default_scene, sphere
 from render.gbuffer import GBuffer
@@ -21,8 +24,8 @@ from render.gl import create_context, describe
 from render.renderer import Renderer
 from render.scene import Camera, Ground, Material, Scene
 from render.shadows import ShadowAtlas
-from tests.render.brute_force import SphereScene, trace
-from tests.render.light_sets import random_lights
+from tests.render.brute_force import SphereScene, as_points, away_from_outlines, trace
+from tests.render.light_sets import random_lights, uniform_fill
 
 LIGHT_COUNT = 64
 
@@ -30,7 +33,13 @@ LIGHT_COUNT = 64
 def run(repeats: int) -> list[dict[str, Any]]:
     """Return the rows of the stage, for `tests.benchmarks.bench`."""
     with create_context() as context:
-        return [*_parts(context, repeats), *_peer(context, max(repeats // 5, 1))]
+        few = max(repeats // 5, 1)
+        return [
+            *_parts(context, repeats),
+            *_baked(context, repeats),
+            *_peer(context, few),
+            *_soft(context, few),
+        ]
 
 
 def _parts(context: moderngl.Context, repeats: int) -> list[dict[str, Any]]:
@@ -66,6 +75,49 @@ def _parts(context: moderngl.Context, repeats: int) -> list[dict[str, Any]]:
         ]
     atlas.release()
     return rows
+
+
+def _baked(context: moderngl.Context, repeats: int) -> list[dict[str, Any]]:
+    scene, camera = default_scene()
+    lights = _discs(LIGHT_COUNT, seed=0)
+    start = time.perf_counter()
+    with BakedRenderer(context, scene, camera) as renderer:
+        traced_ms = 1e3 * (time.perf_counter() - start)
+        frame_ms = _median_ms(lambda: renderer.render(lights), repeats)
+    with BakedRenderer(context, scene, camera) as renderer:
+        # Narrow enough to be traced alone: two in turn, so that it has moved.
+        narrow = random_lights(1, seed=2), random_lights(1, seed=3)
+        moved_ms = 0.5 * _median_ms(lambda: [renderer.render(each) for each in narrow], repeats)
+    return [
+        _row("transport, once per scene and camera", "baked", traced_ms),
+        _row("frame, 64 lights, baked", "baked", frame_ms),
+        _row("frame, one narrow light moved, baked", "baked", moved_ms),
+    ]
+
+
+def _soft(context: moderngl.Context, repeats: int) -> list[dict[str, Any]]:
+    ball = SphereScene(
+        (0.0, 0.5, 0.0), 0.5, Material((0.7, 0.5, 0.3), 0.5), Ground(0.0, (0.5, 0.4, 0.3), 20.0)
+    )
+    camera = Camera(np.array([1.0, 1.2, 2.5]), np.array([0.0, 0.4, 0.0]), 0.7, (160, 120))
+    lights = replace(_discs(8, seed=2), fill=uniform_fill(0.3))
+    truth = trace(ball, camera, as_points(lights, per_light=64, per_fill=512))
+    inside = away_from_outlines(ball, camera)
+    scene = Scene((sphere(ball.centre, ball.radius_m, ball.material, 64),), ball.ground)
+    rows = []
+    for system, kind in (("baked", BakedRenderer), ("shadow maps", Renderer)):
+        with kind(context, scene, camera) as renderer:
+            ms = _median_ms(lambda: renderer.render(lights), repeats)
+            off = (renderer.render(lights) - truth)[inside, :3]
+        error = math.sqrt(np.mean(off**2) / np.mean(truth[inside, :3] ** 2))
+        row = _row("sphere on a plane, 8 discs of 10° and a fill", system, ms)
+        rows.append({**row, "accuracy": {"rel. RMSE": error}})
+    return rows
+
+
+def _discs(count: int, seed: int) -> LightSet:
+    points = random_lights(count, seed, lowest=0.3)
+    return LightSet(points.directions, points.irradiance, np.full(count, math.radians(10)))
 
 
 def _peer(context: moderngl.Context, repeats: int) -> list[dict[str, Any]]:
