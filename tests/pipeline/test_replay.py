@@ -52,7 +52,8 @@ def expected_lights(
     recording = open_recording(recording_folder)
     assert recording.calibration_path is not None
     calibration = read_calibration(recording.calibration_path)
-    source_blocks, remap = build_source_blocks(calibration), build_remap(calibration, 64)
+    source_blocks = build_source_blocks(calibration, plan.block_rows)
+    remap = build_remap(calibration, 64)
     memory, result = None, []
     for index in brackets:
         bracket = recording.read_bracket(index)
