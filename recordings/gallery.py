@@ -15,10 +15,10 @@ from capture.pictures import write_png
 from capture.recording import open_recording
 from lighting.reduce import reduce_to_lights
 from lighting.remap import apply_remap, build_remap
+from render.baked import BakedRenderer
 from render.default_scene import default_scene
 from render.gl import create_context
 from render.preview import preview
-from render.renderer import Renderer
 from render.view import auto_exposure_ev, to_display
 
 HERE = Path(__file__).parent
@@ -39,7 +39,7 @@ def strip(recording_folder: Path, position: int) -> NDArray[np.uint8]:
     environment = apply_remap(build_remap(calibration, 512), image)
     lights = reduce_to_lights(environment, LIGHTS)
     scene, camera = default_scene()
-    with create_context() as context, Renderer(context, scene, camera, 3) as renderer:
+    with create_context() as context, BakedRenderer(context, scene, camera, 2) as renderer:
         radiance = renderer.render(lights, environment)
     exposure_ev = auto_exposure_ev(radiance)
     longest = max(bracket.frames, key=lambda frame: frame.exposure.signal)
