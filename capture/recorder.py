@@ -177,7 +177,10 @@ def _record_brackets(
     recorded: Recorded,
     goes_on: Callable[[], bool],
 ) -> None:
-    """Keep the camera busy, and hand what it gives to the two other threads."""
+    """Keep the camera busy, and hand what it gives to the two other threads.
+
+    However it ends, what waits for the disk is written first.
+    """
     frame_count = 0
     writing: deque[Future[None]] = deque()
     looking: Future[None] | None = None
@@ -185,34 +188,30 @@ def _record_brackets(
         ThreadPoolExecutor(1, "fishlight-writer") as writers,
         ThreadPoolExecutor(1, "fishlight-meter") as meters,
     ):
-        try:
-            while goes_on():
-                try:
-                    device, frames = camera.take(partial(_capture, times_s=chooser.times_s))
-                except UnreadableFrame as error:
-                    recorded.trouble = str(error)
-                    recorded.unreadable += not isinstance(error, CameraAway)
-                    continue
-                taken = _Taken(device, frames, recorded.captured, frame_count)
-                recorded.captured += 1
-                recorded.times_s = tuple(frame.exposure.time_s for frame in frames)
-                recorded.gaps, recorded.trouble = device.counters.gaps, ""
-                frame_count += len(frames)
-                while writing and writing[0].done():
-                    writing.popleft().result()
-                if len(writing) < QUEUED_BRACKETS:
-                    writing.append(writers.submit(_write, writer, taken, recorded))
-                else:
-                    recorded.dropped += 1
-                if looking is None or looking.done():
-                    if looking is not None:
-                        looking.result()
-                    looking = meters.submit(_look, chooser, taken)
-            for write in writing:
-                write.result()
-        except BaseException:
-            writers.shutdown(cancel_futures=True)
-            raise
+        while goes_on():
+            try:
+                device, frames = camera.take(partial(_capture, times_s=chooser.times_s))
+            except UnreadableFrame as error:
+                recorded.trouble = str(error)
+                recorded.unreadable += not isinstance(error, CameraAway)
+                continue
+            taken = _Taken(device, frames, recorded.captured, frame_count)
+            recorded.captured += 1
+            recorded.times_s = tuple(frame.exposure.time_s for frame in frames)
+            recorded.gaps, recorded.trouble = device.counters.gaps, ""
+            frame_count += len(frames)
+            while writing and writing[0].done():
+                writing.popleft().result()
+            if len(writing) < QUEUED_BRACKETS:
+                writing.append(writers.submit(_write, writer, taken, recorded))
+            else:
+                recorded.dropped += 1
+            if looking is None or looking.done():
+                if looking is not None:
+                    looking.result()
+                looking = meters.submit(_look, chooser, taken)
+        for write in writing:
+            write.result()
 
 
 def _capture(

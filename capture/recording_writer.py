@@ -269,14 +269,15 @@ class RecordingWriter:
             f_number=None if exposure.f_number is None else float(exposure.f_number),
             sequence=msgspec.UNSET if sequence is None else sequence,
         )
-        line = journal_line(record)
+        line, whole = journal_line(record), self._journal.tell()
         try:
             while line:  # a disk that is nearly full takes a part of it
                 line = line[self._journal.write(line) :]
         except OSError as error:
-            raise InputError(
-                f"{self._journal.name}: cannot be written ({error.strerror})"
-            ) from None
+            self._journal.seek(whole)
+            self._journal.truncate()
+            path = self._journal.name
+            raise InputError(f"{path}: cannot be written ({error.strerror})") from None
         self._frames.append(record)
 
     def _take_place(self) -> None:
