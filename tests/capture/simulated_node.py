@@ -101,7 +101,7 @@ class SimulatedNode:
             raise OSError(errno.EINVAL, "Invalid argument")
         query.id, query.type, query.name = control.number, control.kind, control.name.encode()
         query.minimum, query.maximum, query.step = control.minimum, control.maximum, control.step
-        query.default_value, query.flags = control.minimum, control.flags
+        query.default_value, query.flags = control.maximum, control.flags
 
     def _query_menu(self, query: kernel.MenuQuery) -> None:
         menu = self.control(query.id).menu

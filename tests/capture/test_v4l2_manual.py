@@ -133,7 +133,7 @@ def test_controls_are_listed_with_their_kinds_and_disabled_ones_left_out() -> No
     controls = list_controls(node)
     assert GAIN not in controls
     assert controls[WHITE_BALANCE] == Control(
-        WHITE_BALANCE, "White Balance Temperature", kernel.INTEGER, 2800, 6300, 50, 2800, False
+        WHITE_BALANCE, "White Balance Temperature", kernel.INTEGER, 2800, 6300, 50, 6300, False
     )
 
 

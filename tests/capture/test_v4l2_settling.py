@@ -47,6 +47,13 @@ def test_a_delay_that_varies_by_a_frame_is_bounded_by_all_that_was_seen() -> Non
     assert wandering.doubt_s > 2 * steady.doubt_s
 
 
+def test_stamps_that_are_late_do_not_change_the_interval() -> None:
+    intervals_s = [
+        measure(SimulatedCamera(jitter_s=0.01, seed=seed)).frame_interval_s for seed in range(5)
+    ]
+    assert intervals_s == pytest.approx([1 / 30] * 5, rel=0.01)
+
+
 def test_damaged_frames_are_not_looked_at() -> None:
     damaged = set(range(0, 200, 3))
     camera = SimulatedCamera(damaged=damaged)
