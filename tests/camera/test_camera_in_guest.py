@@ -157,14 +157,15 @@ def test_merged_radiance_is_that_of_the_scene(session: Session, name: str) -> No
     # sRGB, where a count is 2.4 % of light. 8-bit formats round by up to 1.4 counts: luma by
     # ½ · 255/219, colour differences by ½ · 1.402 · 255/224. Of raw ones, shot and read noise is
     # 3.4 % there, and a square's middle averages 16 samples of red and of blue: 4 σ are 3.4 %.
-    # Over 50 squares and three channels such errors average to 0.1 %.
+    # Over 50 squares and three channels such errors average to 0.1 %. Around full, 0.98 of white,
+    # noise of 1 % decides what clips.
     recording = open_recording(session.share / "recordings" / name)
     truth = middles(patches())
     full = truth.max(axis=-1) * min(TIMES_S)
     for index in range(2):
         image = merge_bracket(recording.read_bracket(index), recording.sensor)
         ratio = middles(image.radiance) / truth
-        is_seen, is_clipped = full < 0.9, full > 1.0
+        is_seen, is_clipped = full < 0.9, full > 1.06
         assert np.abs(ratio[is_seen] - 1).max() < 0.035
         assert abs(ratio[is_seen].mean() - 1) < 0.005
         assert middles(image.valid)[is_seen].min() == 1
