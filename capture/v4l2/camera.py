@@ -10,7 +10,6 @@ Fails  : exposures longer than the time between frames are not taken; ask for a 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from math import floor
 from types import TracebackType
 from typing import Self
 
@@ -264,7 +263,7 @@ def open_camera(request: CameraRequest) -> BracketCamera:
         picture = choose_format(node, request.pixel_format, request.size_px, PIXEL_FORMATS)
         interval_s = choose_interval(node, picture, request.frame_rate_hz)
         exposure = take_control(node, list_controls(node), picture.size_px[0])
-        range_s = _exposure_range(exposure, interval_s)
+        range_s = exposure.range_within(interval_s)
         stream = VideoStream(node)
     except BaseException:
         node.close()
@@ -275,20 +274,6 @@ def open_camera(request: CameraRequest) -> BracketCamera:
         stream.close()
         node.close()
         raise
-
-
-def _exposure_range(exposure: ExposureControl, interval_s: float) -> tuple[float, float]:
-    """Return the shortest exposure that is not 0, and the longest that fits between two frames."""
-    control = exposure.control
-    least = control.minimum if control.minimum > 0 else control.nearest(max(control.step, 1))
-    most = control.nearest(min(floor(interval_s / exposure.unit_s), control.maximum))
-    if most <= least:
-        raise InputError(
-            f"{exposure.node.path} ({exposure.node.card}): '{control.name}' goes from "
-            f"{least * exposure.unit_s:.3g} s, which leaves no choice at "
-            f"{1 / interval_s:.3g} frames a second"
-        )
-    return least * exposure.unit_s, most * exposure.unit_s
 
 
 def _rises(proof: Sequence[Exposed]) -> bool:

@@ -7,6 +7,7 @@ Fails  : uvcvideo answers many reads from its own memory, not from the camera; w
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import floor
 
 from capture.errors import InputError
 from capture.v4l2 import kernel
@@ -57,6 +58,24 @@ class ExposureControl:
         """Set the nearest exposure time, and return the one that the camera then says it has."""
         value = self.control.nearest(time_s / self.unit_s)
         return write_control(self.node, self.control, value) * self.unit_s
+
+    def range_within(self, interval_s: float) -> tuple[float, float]:
+        """Return the shortest exposure that is not 0, and the longest that fits between two frames.
+
+        Raises
+        ------
+        InputError
+            If there is no choice between them.
+        """
+        control = self.control
+        least = control.minimum if control.minimum > 0 else control.nearest(max(control.step, 1))
+        most = control.nearest(min(floor(interval_s / self.unit_s), control.maximum))
+        if most <= least:
+            raise InputError(
+                f"{_name(self.node, control)} goes from {least * self.unit_s:.3g} s, which leaves "
+                f"no choice at {1 / interval_s:.3g} frames a second"
+            )
+        return least * self.unit_s, most * self.unit_s
 
 
 def take_control(
