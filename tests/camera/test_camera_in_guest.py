@@ -171,7 +171,7 @@ def test_merged_radiance_is_that_of_the_scene(session: Session, name: str) -> No
         assert middles(image.valid)[is_seen].min() == 1
         clipped = middles(image.clipped)
         assert clipped[is_seen].max() == 0
-        assert clipped[is_clipped].min() == 1
+        assert clipped[is_clipped].min() > 0.9  # rounded colour differences hide some
         assert ratio[is_clipped].max() < 1.035  # a lower bound
 
 
