@@ -87,9 +87,10 @@ def possible_times(
 
 
 def usable_light(sensor: Sensor) -> tuple[float, float]:
-    """Return the least and the most light, in seconds × radiance, that one exposure measures at gain 1.
+    """Return the least and the most light, in seconds × radiance, that one exposure measures.
 
-    The least has a signal to noise ratio of LEAST_SNR in every channel, the most is saturation.
+    The least has a signal to noise ratio of LEAST_SNR in every channel, the most is saturation;
+    both hold for gain 1, which live cameras have.
 
     Raises
     ------
@@ -112,8 +113,10 @@ def plan_exposures(
 
     The shortest holds the brightest, the longest raises the darkest out of the noise, and whatever
     lies between is within `light` in one of them. The widest steps that this allows make them the
-    fewest (an interval covered by intervals, from one end). Steps of that number are then made as
-    even as the camera's times allow, which raises the least signal to noise ratio between them.
+    fewest (an interval covered by intervals, from one end). So many are then spent on the least
+    signal to noise ratio of all: steps are as even as the camera's times allow, and the longest
+    gives the darkest as much light as the others give where they take over,
+    (most / darkest)^(1 − 1/n) · shortest^(1/n) for n exposures.
     What the camera cannot do is left out at the ends: it clips, or stays in noise.
 
     Parameters
@@ -133,12 +136,16 @@ def plan_exposures(
         return (float(possible_s[first]),)
     widest_step = most / (least * _MARGIN)
     fewest = len(_chain(possible_s, first, last, widest_step))
-    even_step = (possible_s[last] / possible_s[first]) ** (1 / (fewest - 1))
-    for step in np.geomspace(even_step, widest_step, _STEPS_TRIED):
-        chain = _chain(possible_s, first, last, step)
-        if len(chain) == fewest:
-            break
-    return tuple(float(time_s) for time_s in possible_s[chain])
+    # As much light in the darkest as where an exposure takes over from a clipped one.
+    shortest_s = float(possible_s[first])
+    balanced_s = _quotient(most, scene.darkest) ** (1 - 1 / fewest) * shortest_s ** (1 / fewest)
+    for end in (max(_last_at_most(possible_s, balanced_s), last), last):
+        even_step = (possible_s[end] / possible_s[first]) ** (1 / (fewest - 1))
+        for step in np.geomspace(even_step, widest_step, _STEPS_TRIED):
+            chain = _chain(possible_s, first, end, step)
+            if len(chain) == fewest:
+                return tuple(float(time_s) for time_s in possible_s[chain])
+    raise AssertionError("the widest step makes the fewest exposures")
 
 
 def _chain(possible_s: NDArray[np.float64], first: int, last: int, step: float) -> list[int]:
