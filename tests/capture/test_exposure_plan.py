@@ -102,13 +102,12 @@ def test_every_radiance_between_is_measured_by_one_of_them(darkest, range_ev, st
 
 
 def test_coarse_times_are_balanced_only_as_far_as_they_stay_the_fewest():
-    # Between 9.6 and 20 ms there is nothing that lamps do not flicker in: of a narrow sensor's
-    # exposures, one more would be needed for a longest one of balanced length.
-    possible_s = possible_times((0.001061467616115373, 0.1), 0.001061467616115373, mains_hz=50.0)
-    scene, light = SceneRange(1.9738287654450077, 323573.36504887044), (0.08799727905698534, 1.0)
-    times_s = plan_exposures(scene, light, possible_s)
-    needed_s = light[0] * MARGIN / scene.darkest
-    assert times_s[-1] == possible_s[np.searchsorted(possible_s, needed_s)]
+    # A step makes at most 10 / √2, and from 8 ms the next pulses are at 16, 24, …, 50 ms. With a
+    # longest of the balanced (1 / 3)^(2/3) · 0.002^(1/3) s = 61 ms, three would leave a gap: it is 50,
+    # the first from the 0.1 · √2 / 3 = 47 ms on that the darkest needs.
+    possible_s = possible_times((0.002, 0.1), 0.002, mains_hz=60.0)
+    times_s = plan_exposures(SceneRange(3.0, 1e6), (0.1, 1.0), possible_s)
+    assert times_s == pytest.approx((0.002, 0.008, 0.05))
 
 
 def test_a_sensor_of_noise_is_refused():
