@@ -60,9 +60,9 @@ class Schedule:
             "automatic": set_exposure_in_automatic_mode,
             "brackets": self._take_brackets,
             "faults": self._meet_faults,
-            "record YUYV": partial(self._record_to_the_end, "YUYV"),
-            "record MJPG": partial(self._record_to_the_end, "MJPG"),
-            "kill RG16": partial(self._record_until_killed, "RG16"),
+            "recorded-YUYV": partial(self._record, "YUYV"),
+            "replugged-MJPG": partial(self._record_through_replug, "MJPG"),
+            "killed-RG16": partial(self._record_until_killed, "RG16"),
         }
         with (self._share / "report.jsonl").open("w", buffering=1) as report:
             for name, step in steps.items():
@@ -121,23 +121,37 @@ class Schedule:
             outcome["replugged"] = self._bracket(camera)
         return outcome
 
-    def _record_to_the_end(self, pixel_format: str) -> Outcome:
+    def _record(self, pixel_format: str) -> Outcome:
         """Record a number of brackets."""
         name = f"recorded-{pixel_format}"
         recorder = self._start_recording(name, pixel_format, "--brackets", str(BRACKETS))
-        return {"status": os.waitstatus_to_exitcode(os.waitpid(recorder, 0)[1])}
+        return {"status": status_of(recorder)}
+
+    def _record_through_replug(self, pixel_format: str) -> Outcome:
+        """Record, and pull the plug for a second in between."""
+        name = f"replugged-{pixel_format}"
+        recorder = self._start_recording(name, pixel_format, "--brackets", str(2 * BRACKETS))
+        self._wait_for_two_brackets(name, recorder)
+        self._process.tell("unplug")
+        time.sleep(PAUSE_S)
+        self._process.tell("plug")
+        return {"status": status_of(recorder)}
 
     def _record_until_killed(self, pixel_format: str) -> Outcome:
-        """Record until two brackets are on the disk, and kill the recorder."""
+        """Record until two brackets are written, and kill the recorder."""
         name = f"killed-{pixel_format}"
         recorder = self._start_recording(name, pixel_format, "--duration-s", "60")
+        self._wait_for_two_brackets(name, recorder)
+        os.kill(recorder, signal.SIGKILL)
+        return {"status": status_of(recorder)}
+
+    def _wait_for_two_brackets(self, name: str, recorder: int) -> None:
         journal = self._memory / name / "frames.jsonl"
         while not journal.exists() or journal.read_bytes().count(b"\n") < 2 * len(TIMES_S):
             if os.waitpid(recorder, os.WNOHANG) != (0, 0):
-                raise RuntimeError("the recorder ended by itself")
-            time.sleep(0.05)
-        os.kill(recorder, signal.SIGKILL)
-        return {"status": os.waitstatus_to_exitcode(os.waitpid(recorder, 0)[1])}
+                log = (self._memory / f"{name}.log").read_text()
+                raise RuntimeError(f"the recorder ended by itself: {log}")
+            time.sleep(0.02)
 
     def _start_recording(self, name: str, pixel_format: str, *arguments: str) -> int:
         """Start `fishlight record` in a fork of this process, and return its id."""
@@ -151,7 +165,7 @@ class Schedule:
             with (self._memory / f"{name}.log").open("w") as log:
                 os.dup2(log.fileno(), sys.stdout.fileno())
                 os.dup2(log.fileno(), sys.stderr.fileno())
-            main(["record", str(wait_for_node()), str(self._memory / name), *options, *arguments])
+            main(["record", camera_name(), str(self._memory / name), *options, *arguments])
             status = 0
         except SystemExit as end:
             status = end.code or 0
@@ -209,6 +223,16 @@ def set_exposure_in_automatic_mode() -> Outcome:
         except FishlightError as error:
             return {"refusal": described(error)}
     return {"refusal": None}
+
+
+def camera_name() -> str:
+    """Return what the kernel calls the camera; that stays when it is plugged in again."""
+    return Path("/sys/class/video4linux", wait_for_node().name, "name").read_text().strip()
+
+
+def status_of(child: int) -> int:
+    """Wait for a fork to end and return its exit status, negative if a signal ended it."""
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
 def error_of(capture: Callable[[Sequence[float]], object]) -> str | None:

@@ -165,7 +165,8 @@ class Camera:
             data = self._finished(key, settings, len(self.frames))
             time.sleep(max(0.0, due_s - time.monotonic()))
             due_s = max(due_s, time.monotonic() - interval * 1e-7)
-            facts = {"exposure": exposure, "automatic": is_automatic}
+            is_automatic = is_automatic or bool(settings.white_balance_auto)
+            facts: dict[str, float] = {"exposure": exposure, "automatic": is_automatic}
             self._send(device, data, facts, partial(self._runs, stream))
 
     def _runs(self, stream: int) -> bool:
@@ -190,7 +191,7 @@ class Camera:
         self,
         device: VirtualDevice,
         data: bytes,
-        facts: dict[str, int],
+        facts: dict[str, float],
         still_wanted: Callable[[], bool],
     ) -> None:
         number = len(self.frames)
