@@ -103,7 +103,7 @@ def test_every_radiance_between_is_measured_by_one_of_them(darkest, range_ev, st
 
 def test_coarse_times_are_balanced_only_as_far_as_they_stay_the_fewest():
     # A step makes at most 10 / √2, and from 8 ms the next pulses are at 16, 24, …, 50 ms. With a
-    # longest of the balanced (1 / 3)^(2/3) · 0.002^(1/3) s = 61 ms, three would leave a gap: it is 50,
+    # longest of the balanced (1 / 3)^(2/3) · 0.002^(1/3) s = 61 ms three leave a gap: it is 50,
     # the first from the 0.1 · √2 / 3 = 47 ms on that the darkest needs.
     possible_s = possible_times((0.002, 0.1), 0.002, mains_hz=60.0)
     times_s = plan_exposures(SceneRange(3.0, 1e6), (0.1, 1.0), possible_s)
