@@ -13,6 +13,9 @@ from capture.primaries import PrimariesName
 RELATIVE = "relative"
 """Scale of radiance without an absolute calibration."""
 
+CD_M2 = "cd/m²"
+"""Scale of radiance whose luminance, 0.2126 R + 0.7152 G + 0.0722 B, is in candela per m²."""
+
 _LONGEST_SCALE = 40  # "W·sr⁻¹·m⁻²", with room for words
 _INFINITY_BITS = np.float32(np.inf).view(np.uint32)
 

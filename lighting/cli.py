@@ -3,6 +3,9 @@
 COMMANDS: tuple[tuple[str, str], ...] = (
     ("lighting.simulate_cli:simulate", "simulate"),
     ("lighting.remap_cli:remap", "remap"),
+    ("lighting.absolute_cli:scale", "scale"),
+    ("lighting.absolute_cli:recover", "recover"),
+    ("lighting.absolute_cli:illuminance", "illuminance"),
     ("lighting.lights_cli:lights", "lights"),
     ("lighting.export_cli:export", "export"),
     ("lighting.chart_cli:chart_app", "chart"),
