@@ -198,8 +198,34 @@ def test_the_recovered_light_has_the_colour_of_what_is_clipped() -> None:
         world, radiance=np.where(world.clipped[..., None], [60, 50, 40], world.radiance)
     )
     whole = recover_clipped(tinted, UPWARD, 100.0)
+    assert surface_illuminance(whole, UPWARD).total == pytest.approx(100.0)
     gained = (whole.integral() - tinted.integral()) / whole.integral()[0]
     np.testing.assert_allclose(gained / gained[1], [1.2, 1.0, 0.8], rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("cells", "regions"),
+    [
+        ([(0, 5), (0, 40)], 1),  # across the pole
+        ([(9, 0), (9, 63)], 1),  # across the seam
+        ([(9, 0), (10, 63)], 1),  # and by corners, both ways
+        ([(10, 0), (9, 63)], 1),
+        ([(9, 1), (9, 63)], 2),
+        ([(9, 4), (11, 4)], 2),
+        ([(1, 5), (1, 40)], 2),
+    ],
+)
+def test_regions_touch_across_the_seam_and_the_pole(
+    cells: list[tuple[int, int]], regions: int
+) -> None:
+    clipped = np.zeros((32, 64), bool)
+    clipped[tuple(np.transpose(cells))] = True
+    world = replace(sky(1.0), clipped=clipped, scale=CD_M2)
+    if regions == 1:
+        assert not recover_clipped(world, UPWARD, 1e4).clipped.any()
+    else:
+        with pytest.raises(InputError, match=f"{regions} separate regions"):
+            recover_clipped(world, UPWARD, 1e4)
 
 
 def test_recoveries_that_make_no_sense_are_refused() -> None:
