@@ -16,7 +16,7 @@ class CameraProcess:
     """The camera's process, which ends with the `with` block and then writes its log."""
 
     def __init__(self, pictures: Path, log: Path) -> None:
-        command = [sys.executable, "-S", "-m", "tests.camera.uvc_camera", pictures, log]
+        command = [sys.executable, "-S", "-m", "tests.camera.uvc_camera", str(pictures), str(log)]
         self._process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )

@@ -15,7 +15,7 @@ LIMIT_S = 240
 
 def run_schedule(name: str, share: Path, modules: Sequence[str]) -> None:
     """Run a module of this folder in a guest; its argument is the folder that is shared."""
-    command = [sys.executable, "-m", f"tests.camera.{name}", share]
+    command = [sys.executable, "-m", f"tests.camera.{name}", str(share)]
     try:
         done = run_in_guest(command, share=share, modules=modules, limit_s=LIMIT_S)
     except GuestUnavailable as error:

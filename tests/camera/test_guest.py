@@ -176,7 +176,7 @@ def test_missing_tools_are_named_with_what_installs_them(
 
 
 def test_processor_of_another_kind_is_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(guest.platform, "machine", lambda: "aarch64")
+    monkeypatch.setattr("platform.machine", lambda: "aarch64")
     with pytest.raises(GuestUnavailable, match="this machine aarch64"):
         run_in_guest(["true"], share=tmp_path, limit_s=1)
 

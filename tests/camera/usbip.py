@@ -27,12 +27,12 @@ _STALL, _CONNECTION_RESET = -32, -104
 
 
 class Setup(NamedTuple):
-    """The eight bytes that open a control transfer."""
+    """The eight bytes that open a control transfer; `target` is an interface or endpoint."""
 
     request_type: int
     request: int
     value: int
-    index: int
+    target: int
     length: int
 
 

@@ -94,10 +94,10 @@ class Camera:
         self._device = None
 
     def _answer(self, setup: Setup, data: bytes) -> bytes | None:
-        kind, request, value, index, _ = setup
+        kind, request, value, target, _ = setup
         if kind & 0x7F == _CLASS_INTERFACE:
-            selector, entity = value >> 8, index >> 8
-            if index & 0xFF == STREAMING_INTERFACE:
+            selector, entity = value >> 8, target >> 8
+            if target & 0xFF == STREAMING_INTERFACE:
                 return self._negotiate(request, selector, data)
             return self._controls.answer(request, entity, selector, data)
         if kind & _STANDARD_IN:
