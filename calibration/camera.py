@@ -110,6 +110,10 @@ class Calibration:
     vignetting : tuple of float
         v1, v2, … of the relative illumination V(θ) = 1 + v1 θ² + v2 θ⁴ + …, θ in rad from the
         model's axis, positive up to the valid angle; empty for none.
+    uneven_vignetting : tuple of float
+        What is added to V(θ) where the lens is not the same all around: the coefficients of
+        θ cos φ, θ sin φ, θ² cos 2φ and θ² sin 2φ, φ from the camera's +x toward its +y. Empty, 2 or
+        4 of them.
     """
 
     model: CameraModel
@@ -118,6 +122,7 @@ class Calibration:
     R_world_camera: NDArray[np.float64] = field(default_factory=lambda: LEVEL)
     image_circle: ImageCircle | None = None
     vignetting: tuple[float, ...] = ()
+    uneven_vignetting: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         width, height = self.image_size_px
@@ -136,11 +141,18 @@ class Calibration:
                 f"got {rotation.tolist()}"
             )
         object.__setattr__(self, "R_world_camera", rotation)
+        if len(self.uneven_vignetting) not in (0, 2, 4):
+            raise InputError(
+                f"uneven_vignetting must be 2 or 4 numbers, got {len(self.uneven_vignetting)}"
+            )
         angles = np.linspace(0.0, min(self.valid_angle_rad, self.model.limit_angle_rad), 257)
-        if not np.all(self.relative_illumination(angles) > 0):
+        darkest = self.relative_illumination(angles)
+        for order, pair in enumerate(zip(*[iter(self.uneven_vignetting)] * 2, strict=True), 1):
+            darkest = darkest - np.hypot(*pair) * angles**order
+        if not np.all(darkest > 0):
             raise InputError(
                 "vignetting must leave some light up to the valid angle: V(θ) = 1 + v1 θ² + … is "
-                f"not positive there with {list(self.vignetting)}"
+                f"not positive there with {[*self.vignetting, *self.uneven_vignetting]}"
             )
 
     def unproject(self, pixels: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
@@ -160,11 +172,22 @@ class Calibration:
         return pixels, valid & self._sees(pixels, in_camera)
 
     def relative_illumination(self, angle_rad: ArrayLike) -> NDArray[np.float64]:
-        """V(θ): the share of the light on the axis that the lens passes at the angle θ."""
+        """V(θ): the share of the light on the axis that the lens passes at θ, all around it."""
         coefficients = np.array([1.0, *self.vignetting])
         return np.polynomial.polynomial.polyval(
             np.asarray(angle_rad, np.float64) ** 2, coefficients
         )
+
+    def illumination(self, directions: ArrayLike) -> NDArray[np.float64]:
+        """Return the share of the light on the axis (...) from world directions (..., 3)."""
+        in_camera = np.asarray(directions, np.float64) @ self.R_world_camera
+        angle_rad = self._axis_angle(in_camera)
+        share = self.relative_illumination(angle_rad)
+        if self.uneven_vignetting:
+            azimuth_rad = np.arctan2(in_camera[..., 1], in_camera[..., 0])
+            terms = uneven_terms(angle_rad, azimuth_rad, len(self.uneven_vignetting))
+            share = share + terms @ np.array(self.uneven_vignetting)
+        return share
 
     def axis_angle(self, directions: ArrayLike) -> NDArray[np.float64]:
         """Angle in rad between world directions (..., 3) and the model's axis."""
@@ -227,6 +250,16 @@ class Calibration:
                 centre_x, centre_y = self.image_circle.centre_px
                 seen &= np.hypot(x - centre_x, y - centre_y) <= self.image_circle.radius_px
         return np.asarray(seen)
+
+
+def uneven_terms(angle_rad: ArrayLike, azimuth_rad: ArrayLike, count: int) -> NDArray[np.float64]:
+    """Return the first `count` of θ cos φ, θ sin φ, θ² cos 2φ, θ² sin 2φ: (..., count)."""
+    angle, azimuth = np.asarray(angle_rad, np.float64), np.asarray(azimuth_rad, np.float64)
+    orders = np.arange(1, count // 2 + 1)
+    turned = orders * azimuth[..., None]
+    pairs = np.stack([np.cos(turned), np.sin(turned)], axis=-1)
+    pairs *= (angle[..., None] ** orders)[..., None]
+    return pairs.reshape(*angle.shape, count)
 
 
 def _same_shape(size_px: tuple[int, int], other_px: tuple[int, int]) -> bool:

@@ -2,11 +2,13 @@
 
 Input  : {"model": "equisolid", "image_size_px": [5616, 3744], "centre_px": [2807.5, 1871.5],
           "focal_px": 1248, "valid_angle_rad": 1.6232}, the model's other parameters by name, and
-         optionally R_world_camera, image_circle {centre_px, radius_px}, vignetting [v1, …] and
-         lens_fit, what `fishlight calibrate lens` made it from (calibration/lens/record.py).
+         optionally R_world_camera, image_circle {centre_px, radius_px}, vignetting [v1, …],
+         uneven_vignetting, and what `fishlight calibrate` made it from: lens_fit
+         (calibration/lens/record.py) and vignetting_fit (calibration/vignetting_record.py).
 Output : Calibration, or InputError in one line that names the file and the key.
 """
 
+from collections.abc import Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -40,7 +42,9 @@ class _Camera(msgspec.Struct):
     R_world_camera: tuple[_Row, _Row, _Row] | None = None
     image_circle: _Circle | None = None
     vignetting: tuple[float, ...] = ()
+    uneven_vignetting: tuple[float, ...] = ()
     lens_fit: dict[str, Any] | None = None
+    vignetting_fit: dict[str, Any] | None = None
 
 
 def read_calibration(path: Path) -> Calibration:
@@ -87,6 +91,7 @@ def read_calibration(path: Path) -> Calibration:
             if circle is None
             else ImageCircle(circle.centre_px, circle.radius_px),
             vignetting=camera.vignetting,
+            uneven_vignetting=camera.uneven_vignetting,
         )
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
@@ -96,7 +101,8 @@ def write_calibration(
     path: Path,
     calibration: Calibration,
     *,
-    lens_fit: msgspec.Struct | None = None,
+    lens_fit: msgspec.Struct | Mapping[str, Any] | None = None,
+    vignetting_fit: msgspec.Struct | Mapping[str, Any] | None = None,
     force: bool = True,
 ) -> None:
     """Write a calibration file that `read_calibration` reads back exactly, a key a line."""
@@ -112,8 +118,12 @@ def write_calibration(
         content["image_circle"] = asdict(circle)
     if calibration.vignetting:
         content["vignetting"] = calibration.vignetting
+    if calibration.uneven_vignetting:
+        content["uneven_vignetting"] = calibration.uneven_vignetting
     if lens_fit is not None:
         content["lens_fit"] = lens_fit
+    if vignetting_fit is not None:
+        content["vignetting_fit"] = vignetting_fit
     lines = [
         f'  "{key}": {msgspec.json.encode(value, enc_hook=_plain).decode()}'
         for key, value in content.items()

@@ -117,7 +117,7 @@ def _left_out(camera: Calibration) -> list[str]:
     parts = [f"valid angle ({np.rad2deg(camera.valid_angle_rad):.1f}°)"]
     if camera.image_circle is not None:
         parts.append("image circle")
-    if camera.vignetting:
+    if camera.vignetting or camera.uneven_vignetting:
         parts.append("vignetting")
     if not np.allclose(camera.R_world_camera, LEVEL):
         parts.append("R_world_camera")

@@ -49,11 +49,11 @@ def pixel_illumination(
     calibration: Calibration, first_row: int, last_row: int
 ) -> NDArray[np.float32]:
     """Return the relative illumination of rows of pixels, (h W,); empty without vignetting."""
-    if not any(calibration.vignetting):
+    if not any((*calibration.vignetting, *calibration.uneven_vignetting)):
         return np.empty(0, np.float32)
     pixels = _pixels(calibration.image_size_px[0], first_row, last_row)
     directions, seen = calibration.unproject(pixels)
-    illumination = calibration.relative_illumination(calibration.axis_angle(directions))
+    illumination = calibration.illumination(directions)
     return np.where(seen, illumination, 1.0).astype(np.float32).ravel()
 
 

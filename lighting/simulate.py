@@ -98,7 +98,7 @@ def build_view(calibration: Calibration, height: int) -> View:
         coordinates = direction_to_grid(sampled, height)
         columns[index] = coordinates[..., 0]
         rows[index] = np.clip(np.rint(coordinates[..., 1]), 0, height - 1)
-    illumination = calibration.relative_illumination(calibration.axis_angle(directions[seen]))
+    illumination = calibration.illumination(directions[seen])
     return View(calibration, height, seen, solid_angle, illumination, rows, columns)
 
 

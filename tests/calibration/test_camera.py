@@ -17,6 +17,8 @@ from capture.errors import InputError
 SIZE = (400, 300)
 CENTRE = (199.5, 149.5)
 FISHEYE = Calibration(Equidistant(CENTRE, 90.0), SIZE, np.radians(93.0))
+AZIMUTHS = [(1, 0), (0, 1), (-1, 0), (0, -1), (0.5**0.5, 0.5**0.5)]
+"""cos φ and sin φ of 0°, 90°, 180°, 270° and 45°."""
 
 
 def test_a_level_camera_looks_along_z_with_the_sky_above() -> None:
@@ -84,6 +86,27 @@ def test_the_limit_of_the_model_holds_within_a_larger_valid_angle() -> None:
     assert not camera.project(LEVEL @ [1.0, 0.0, 0.1])[1]
 
 
+def test_uneven_vignetting_follows_the_camera_s_own_azimuth() -> None:
+    # V = 1 − 0.2 θ² + 0.1 θ cos φ − 0.05 θ sin φ + 0.03 θ² cos 2φ + 0.02 θ² sin 2φ
+    camera = replace(
+        FISHEYE,
+        R_world_camera=UP,
+        vignetting=(-0.2,),
+        uneven_vignetting=(0.1, -0.05, 0.03, 0.02),
+    )
+    angle = 0.5
+    in_camera = [[np.sin(angle) * x, np.sin(angle) * y, np.cos(angle)] for x, y in AZIMUTHS]
+    expected = [
+        0.95 + 0.05 + 0.0075,  # φ = 0°, to the right
+        0.95 - 0.025 - 0.0075,  # 90°, down
+        0.95 - 0.05 + 0.0075,
+        0.95 + 0.025 - 0.0075,
+        0.95 + 0.025 * 0.5**0.5 + 0.005,  # 45°: cos 2φ = 0, sin 2φ = 1
+    ]
+    np.testing.assert_allclose(camera.illumination(np.array(in_camera) @ UP.T), expected)
+    np.testing.assert_allclose(camera.illumination(UP[:, 2]), 1.0)
+
+
 def test_relative_illumination_is_the_polynomial_in_the_squared_angle() -> None:
     camera = replace(FISHEYE, vignetting=(-0.2, 0.01))
     assert camera.relative_illumination(np.array(1.5)) == pytest.approx(
@@ -101,6 +124,8 @@ def test_relative_illumination_is_the_polynomial_in_the_squared_angle() -> None:
         ({"R_world_camera": np.diag([1.0, 1.0, -1.0])}, "R_world_camera"),
         ({"R_world_camera": np.full((3, 3), np.nan)}, "R_world_camera"),
         ({"vignetting": (-0.5,)}, "vignetting"),
+        ({"uneven_vignetting": (0.6, 0.6)}, "vignetting"),
+        ({"uneven_vignetting": (0.1,)}, "2 or 4 numbers, got 1"),
     ],
 )
 def test_a_camera_that_cannot_be_is_refused(changes, named) -> None:

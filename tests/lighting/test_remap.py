@@ -343,6 +343,14 @@ def test_vignetting_is_divided_out_once() -> None:
     np.testing.assert_allclose(marked.radiance[marked.valid], 4.0, rtol=1e-5)
 
 
+def test_uneven_vignetting_is_divided_out_too() -> None:
+    camera = replace(CAMERAS["fisheye tilted"], uneven_vignetting=(0.05, -0.1, 0.02, 0.03))
+    darkened = 4.0 * camera.illumination(pixel_directions(camera))
+    assert np.nanmin(darkened) < 3.5
+    environment = apply_remap(build_remap(camera, 24), picture(np.nan_to_num(darkened)))
+    np.testing.assert_allclose(environment.radiance[environment.valid], 4.0, rtol=1e-5)
+
+
 def test_a_picture_of_another_size_is_refused() -> None:
     image = picture(np.ones((96, 95)))
     with pytest.raises(InputError, match="95×96"):
