@@ -27,7 +27,8 @@ test: setup ## the whole test suite, on two processes
 	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder -q
 
 test-camera: setup guest ## the camera's tests on real kernel drivers, vivid's injected faults included
-	FISHLIGHT_REQUIRE_GUEST=1 $(BIN)/python -m pytest -q tests/camera tests/camera/vivid_faults.py
+	FISHLIGHT_REQUIRE_GUEST=1 $(BIN)/python -m pytest -q tests/camera \
+	    -o python_files="test_*.py vivid_faults.py"
 
 fuzz: setup ## forge files for an hour or so, and read them
 	$(BIN)/python -m pytest tests/test_fuzzed_files.py --hypothesis-profile=fuzz -q
