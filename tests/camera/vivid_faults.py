@@ -1,6 +1,6 @@
 """The streaming layer against errors that the kernel's virtual camera injects: make test-camera.
 
-Not collected by itself: it costs a guest of its own, and the emulated camera's tests find most of
+Collected only there: it costs a guest of its own, and the emulated camera's tests find most of
 what it finds.
 """
 
