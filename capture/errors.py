@@ -21,7 +21,7 @@ class UnreadableFrame(InputError):
 
 
 class CameraLost(FishlightError):
-    """The camera was unplugged, or its driver gave it up; it may be opened again once it is back."""
+    """The camera was unplugged, or its driver gave it up; once back it may be opened again."""
 
 
 class CameraStalled(FishlightError):

@@ -72,7 +72,11 @@ class ReopeningCamera:
         """
         self.first = open_camera(request)
         self.reopened_count = 0
-        self._request = replace(request, device=_lasting_name(request.device))
+        self._request = replace(
+            request,
+            device=_lasting_name(request.device),
+            seen_dn=int(self.first.sensor.white_dn),
+        )
         self._stopped = stopped
         self._open = open_camera
         self._camera: BracketCamera | None = self.first

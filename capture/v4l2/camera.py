@@ -54,12 +54,16 @@ class CameraRequest:
         Four-character code: "YUYV", "MJPG", ….
     frame_rate_hz : float or None
         None takes the highest.
+    seen_dn : int
+        A count that the camera is known to send: formats of 16 bits do not tell their white, which
+        is then above that at least.
     """
 
     device: str
     size_px: tuple[int, int] | None = None
     pixel_format: str | None = None
     frame_rate_hz: float | None = None
+    seen_dn: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,10 +116,12 @@ class BracketCamera:
         picture: PictureFormat,
         exposure: ExposureControl,
         range_s: tuple[float, float],
+        seen_dn: int,
     ) -> None:
         self._node = node
         self._stream = stream
         self._exposure = exposure
+        self._seen_dn = seen_dn
         self._brackets = 0
         self.name = node.card
         self.picture = picture
@@ -235,7 +241,7 @@ class BracketCamera:
                 continue
             longest = max(proofs[-1], key=lambda exposed: exposed.actual_s)
             brightest_dn = brightest_sample(longest.delivery.data, self.picture)
-            sensor = pixel_sensor(self.picture, brightest_dn)
+            sensor = pixel_sensor(self.picture, max(brightest_dn, self._seen_dn))
             if all(_rises(proof) for proof in proofs):
                 return settling, sensor, cycle
         raise InputError(
@@ -269,7 +275,7 @@ def open_camera(request: CameraRequest) -> BracketCamera:
         node.close()
         raise
     try:
-        return BracketCamera(node, stream, picture, exposure, range_s)
+        return BracketCamera(node, stream, picture, exposure, range_s, request.seen_dn)
     except BaseException:
         stream.close()
         node.close()

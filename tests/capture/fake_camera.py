@@ -38,9 +38,11 @@ class FakePort:
     brackets: int = 0
     open_count: int = 0
     cameras: list["FakeCamera"] = field(default_factory=list)
+    requests: list[CameraRequest] = field(default_factory=list)
 
-    def open(self, _request: CameraRequest) -> "FakeCamera":
+    def open(self, request: CameraRequest) -> "FakeCamera":
         self.open_count += 1
+        self.requests.append(request)
         if self.openings_refused:
             raise self.openings_refused.pop(0)
         self.cameras.append(FakeCamera(self))

@@ -140,6 +140,16 @@ def test_losses_that_are_far_apart_do_not_add_up(port, monkeypatch):
         assert source.reopened_count > MOST_OPENINGS
 
 
+def test_a_camera_that_comes_back_to_a_darker_scene_keeps_its_white(port):
+    """Formats of 16 bits do not tell it: it is judged by the counts that were seen."""
+    port.faults[1] = UNPLUGGED
+    with live(port) as source:
+        taken(source, 3)
+    first, again = port.requests
+    assert first.seen_dn == 0
+    assert again.seen_dn == 255
+
+
 def test_another_camera_in_its_place_is_no_replacement(port):
     port.faults[1] = UNPLUGGED
     with live(port) as source:

@@ -35,6 +35,19 @@ def test_a_camera_is_opened_under_control_and_tells_what_it_is(
     assert (rig.stream.closed, rig.node.closed) == (1, 1)
 
 
+def test_white_lies_above_a_count_that_was_seen_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    Rig(monkeypatch)
+    brightest = []
+    real = capture.v4l2.camera.pixel_sensor
+    monkeypatch.setattr(
+        capture.v4l2.camera,
+        "pixel_sensor",
+        lambda picture, brightest_dn: brightest.append(brightest_dn) or real(picture, brightest_dn),
+    )
+    open_camera(CameraRequest("0", seen_dn=3000)).close()
+    assert brightest == [3000]
+
+
 def test_a_bracket_merges_to_the_scene(monkeypatch: pytest.MonkeyPatch) -> None:
     Rig(monkeypatch)
     with open_camera(CameraRequest("0")) as camera:
