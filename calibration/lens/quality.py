@@ -1,9 +1,9 @@
 """How far a calibrated lens is to be trusted: uncertainty by angle, and the valid angle.
 
-Every lens that predicts new views as well as the best is possible. Were one of them the true one,
-the chosen lens would be off by the difference and the noise of the fit; the mean square over them
-is the uncertainty (a Bayesian model average with equal weights). Beyond the corners the possible
-lenses part, and so the uncertainty grows there as it should.
+Every lens that predicts new views as well as the best is possible. To the noise of the chosen
+lens is added the mean square of its difference from them. Beyond the corners no view tells the
+possible lenses apart, and the noise is the mean of theirs, so that a stiff lens is not taken for a
+sure one there.
 """
 
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ from calibration.lens.uncertainty import (
     direction_covariance,
     direction_difference,
     fan,
-    worst_sigma,
+    sigma_by_angle,
 )
 
 Array = NDArray[np.float64]
@@ -38,8 +38,9 @@ class Quality:
     angle_rad : (A,) float64
         Rising, up to the last angle that the model or the picture has.
     sigma_rad : (A,) float64
-        Standard deviation of a direction in the worst azimuth: the corners' noise carried through
-        the fit, and what the choice of the model leaves open. Infinite where there is no direction.
+        Standard deviation of a direction along its worse tangent, rms over the azimuths: the
+        corners' noise carried through the fit, and what the choice of the model leaves open.
+        Infinite where there is no direction.
     split_rad : (A,) float64
         Rms difference between lenses fitted to every other view; NaN where there is none.
     seen_rad : (float, float)
@@ -63,32 +64,43 @@ def assessed(
     model = best.fit.solution.model
     at = fan(seen_rad, _last_angle(model, size_px, seen_rad[1]))
     plausible = [trial for trial in trials if trial.plausible]
-    possible = np.stack([_second_moment(trial, model, at) for trial in plausible])
-    known = np.isfinite(possible)
-    mean = np.where(known, possible, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-    covariance = np.where(known.any(axis=0), mean, np.nan)
+    apart = np.stack([_square_difference(trial, model, at) for trial in plausible])
+    noise = np.stack([_noise(trial, at) for trial in plausible])
+    inside = at.angle_rad <= seen_rad[1]
+    own = noise[plausible.index(best)]
+    of_noise = np.where(inside[:, None, None, None], own, _mean_known(noise))
+    covariance = of_noise + _mean_known(apart)
     odd, even = (
         _refitted(corners, best, np.arange(first, corners.view_count, 2)) for first in (0, 1)
     )
     split = direction_difference(odd, even, at)
     return Quality(
         at.angle_rad,
-        worst_sigma(covariance),
+        sigma_by_angle(covariance),
         np.sqrt(np.sum(split**2, axis=-1).mean(axis=-1)),
         seen_rad,
     )
 
 
-def _second_moment(trial: Trial, model: CameraModel, at: Fan) -> Array:
-    """Return the mean square error (A, 16, 2, 2) of the model's directions if the trial is right.
+def _noise(trial: Trial, at: Fan) -> Array:
+    """Return the covariance (A, 16, 2, 2) of a trial's directions, NaN where it has none."""
+    free, count = trial.candidate.free, trial.free.lens_count
+    return direction_covariance(
+        trial.fit.solution.model, free, trial.fit.covariance[:count, :count], at
+    )
 
-    NaN where it has none.
-    """
-    own, free = trial.fit.solution.model, trial.candidate.free
-    lens_count = trial.free.lens_count
-    of_lens = trial.fit.covariance[:lens_count, :lens_count]
-    apart = direction_difference(own, model, at)
-    return direction_covariance(own, free, of_lens, at) + apart[..., :, None] * apart[..., None, :]
+
+def _square_difference(trial: Trial, model: CameraModel, at: Fan) -> Array:
+    """Return the square (A, 16, 2, 2) of the model's error if the trial were the truth."""
+    apart = direction_difference(trial.fit.solution.model, model, at)
+    return np.asarray(apart[..., :, None] * apart[..., None, :])
+
+
+def _mean_known(values: Array) -> Array:
+    """Return the mean over the first axis of what is known; NaN where nothing is."""
+    known = np.isfinite(values)
+    total = np.where(known, values, 0.0).sum(axis=0)
+    return np.asarray(np.where(known.any(axis=0), total / np.maximum(known.sum(axis=0), 1), np.nan))
 
 
 def _refitted(corners: Corners, trial: Trial, views: NDArray[np.int64]) -> CameraModel:

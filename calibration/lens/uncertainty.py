@@ -106,11 +106,11 @@ def direction_difference(model: CameraModel, truth: CameraModel, at: Fan) -> Arr
     return np.asarray(difference)
 
 
-def worst_sigma(covariance: Array) -> Array:
-    """Return the standard deviation (A,) in the worst azimuth and direction of each angle.
+def sigma_by_angle(covariance: Array) -> Array:
+    """Return the standard deviation (A,) along the worst tangent, rms over each angle's azimuths.
 
     Infinite where any azimuth has none.
     """
     known = np.asarray(np.isfinite(covariance).all(axis=(-1, -2)))
     largest = np.linalg.eigvalsh(np.where(known[..., None, None], covariance, 0.0))[..., -1]
-    return np.sqrt(np.where(known, np.maximum(largest, 0.0), np.inf).max(axis=-1))
+    return np.sqrt(np.where(known, np.maximum(largest, 0.0), np.inf).mean(axis=-1))

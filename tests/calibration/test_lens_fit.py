@@ -76,6 +76,9 @@ def test_a_calibration_file_keeps_what_it_was_made_from(fit: LensFit, tmp_path: 
     assert calibration.model == fit.calibration.model
     corners, solution = restored(record, calibration)
     np.testing.assert_allclose(residuals_px(corners, solution), fit.residuals_px, atol=2e-4)
+    assert [view.kept for view in record.views] == [
+        fit.kept[corners.of_view(view)].tolist() for view in range(corners.view_count)
+    ]
     assert record.rejected == [Rejected("dark.png", "no board was found")]
     assert record.chosen in {trial.model for trial in record.trials}
     np.testing.assert_allclose(record.angle_rad, fit.quality.angle_rad)

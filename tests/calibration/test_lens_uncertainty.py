@@ -7,7 +7,7 @@ from calibration.lens.uncertainty import (
     direction_covariance,
     direction_difference,
     fan,
-    worst_sigma,
+    sigma_by_angle,
 )
 from calibration.models.equidistant import Equidistant
 from calibration.models.kannala_brandt import KannalaBrandt
@@ -35,14 +35,14 @@ def test_a_focal_length_off_by_a_share_stretches_all_angles_by_it() -> None:
 def test_uncertainty_of_the_focal_length_is_that_of_angles() -> None:
     free = np.array([False, False, True])
     covariance = direction_covariance(LENS, free, np.array([[0.25]]), AT)
-    np.testing.assert_allclose(worst_sigma(covariance), AT.angle_rad * 0.5 / 300.0)
+    np.testing.assert_allclose(sigma_by_angle(covariance), AT.angle_rad * 0.5 / 300.0)
 
 
 def test_uncertainty_of_the_centre_is_mostly_a_rotation() -> None:
     # A shift of the centre by δ px turns directions near the axis by δ / f; further out it is less
     # a rotation, so that something is left and grows.
     free = np.array([True, True, False])
-    sigma = worst_sigma(direction_covariance(LENS, free, np.eye(2), AT))
+    sigma = sigma_by_angle(direction_covariance(LENS, free, np.eye(2), AT))
     assert sigma[0] < 0.1 / 300.0
     assert sigma[-1] > 0.5 / 300.0
 
@@ -50,7 +50,7 @@ def test_uncertainty_of_the_centre_is_mostly_a_rotation() -> None:
 def test_beyond_the_models_limit_nothing_is_sure() -> None:
     ends = KannalaBrandt((500.0, 400.0), 300.0, -0.2)  # θ − 0.2 θ³ grows up to √(1/0.6) = 1.29 rad
     free = np.ones(7, np.bool_)
-    sigma = worst_sigma(direction_covariance(ends, free, np.eye(7) * 1e-6, AT))
+    sigma = sigma_by_angle(direction_covariance(ends, free, np.eye(7) * 1e-6, AT))
     assert np.all(np.isfinite(sigma) == (AT.angle_rad < ends.limit_angle_rad))
 
 
