@@ -102,6 +102,12 @@ class Cleaned:
         removed = str(self)
         return (*self.notes, f"set to 0 in the file: {removed} values") if removed else self.notes
 
+    def refuse(self, path: Path) -> None:
+        """Raise InputError if anything had to be removed from the file at `path`."""
+        removed = str(self)
+        if removed:
+            raise InputError(f"{path} holds {removed} values; without --strict they are set to 0")
+
     def __str__(self) -> str:
         parts = [
             f"{count} {kind}"

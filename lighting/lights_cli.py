@@ -25,6 +25,7 @@ def lights(
     error: Error = None,
     method: MethodName = ADAPTIVE,
     fill: Fill = "black",
+    strict: bool = False,
     force: bool = False,
 ) -> None:
     """Reduce an environment map, or a camera's radiance picture, to distant lights.
@@ -40,6 +41,8 @@ def lights(
     fill
         What directions hold that the camera did not see: black, mean (of the seen) or mirror (at
         the horizon). Only with --calibration: a map is filled by `fishlight remap`.
+    strict
+        Refuse a picture with NaN, infinite or negative values instead of setting them to 0.
     force
         Replace the output if it exists.
     """
@@ -54,6 +57,8 @@ def lights(
         light_set = reduce_to_lights(environment, most, method, error=error, source=picture.name)
     else:
         light_set, cleaned = _lights_of_picture(picture, calibration, most, error, method, fill)
+    if strict:
+        cleaned.refuse(picture)
     write_lights(output, light_set, force=force)
 
     red, green, blue = light_set.integral()

@@ -21,6 +21,7 @@ def remap(
     output: Output,
     height: WholeNumber = 512,
     fill: Fill = "black",
+    strict: bool = False,
     force: bool = False,
 ) -> None:
     """Turn a camera's radiance picture into a lat-long environment map.
@@ -37,6 +38,8 @@ def remap(
         Rows of the map; it has twice as many columns.
     fill
         What unseen directions hold: black, mean (of the seen) or mirror (at the horizon).
+    strict
+        Refuse a picture with NaN, infinite or negative values instead of setting them to 0.
     force
         Replace the output if it exists.
     """
@@ -44,6 +47,8 @@ def remap(
     check_map_height(height)
     camera = read_calibration(calibration)
     image, cleaned = read_radiance(radiance)
+    if strict:
+        cleaned.refuse(radiance)
     camera.check_size(image.size_px, str(radiance))
     environment = remap_image(camera, image, height)
     if not environment.valid.any():

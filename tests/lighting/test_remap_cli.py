@@ -58,6 +58,12 @@ def test_what_was_cleaned_is_told(
     write_exr(picture, {"R": bad, "G": plane, "B": plane}, {})
     remap(picture, calibration=calibration, output=output, height=16)
     assert "1 NaN, 1 negative" in capsys.readouterr().out
+    output.unlink()
+    with pytest.raises(InputError, match=r"foreign.exr holds 1 NaN, 1 negative values"):
+        remap(picture, calibration=calibration, output=output, height=16, strict=True)
+    assert not output.exists()
+    write_exr(picture, {"R": plane, "G": plane, "B": plane}, {}, force=True)
+    remap(picture, calibration=calibration, output=output, height=16, strict=True)
 
 
 @pytest.mark.parametrize("height", [1, 0, -5, 5000])
