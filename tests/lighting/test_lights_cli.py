@@ -113,7 +113,7 @@ def test_tells_what_was_done_to_the_file(tmp_path, capsys):
     lights(tmp_path / "map.exr", output=tmp_path / "lights.json")
     printed = capsys.readouterr().out
     assert "  luminance repeated to grey\n  set to 0 in the file: 3 NaN values\n" in printed
-    with pytest.raises(InputError, match="map.exr holds 3 NaN values"):
+    with pytest.raises(InputError, match=r"map\.exr holds 3 NaN values"):
         lights(tmp_path / "map.exr", output=tmp_path / "strict.json", strict=True)
     assert not (tmp_path / "strict.json").exists()
 
