@@ -1,3 +1,6 @@
 """The calibration stage's commands. They are named, and imported only when one is called."""
 
-COMMANDS: tuple[tuple[str, str], ...] = (("calibration.calibrate_cli:calibrate_app", "calibrate"),)
+COMMANDS: tuple[tuple[str, str], ...] = (
+    ("calibration.calibrate_cli:calibrate_app", "calibrate"),
+    ("calibration.report_cli:report", "report"),
+)

@@ -1,0 +1,208 @@
+"""The report as one page of HTML that needs nothing beside it: no script, no other file.
+
+Input  : Evidence, its diagrams, and the pictures of the views that are still there.
+Output : HTML that follows the reader's choice of light or dark, and prints in light.
+Cost   : 0.1 s a picture of one megapixel; some 50 kB a view.
+"""
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+
+from calibration.lens.record import TrialRecord
+from calibration.report.coverage import advice
+from calibration.report.elements import row, section, table
+from calibration.report.evidence import Evidence
+from calibration.report.figures import Diagram, mrad
+from calibration.report.theme import DARK, LIGHT, css_variables, inline_svg
+from calibration.report.view_sections import preview, rejected, views
+
+
+def page(
+    title: str,
+    evidence: Evidence,
+    diagrams: Sequence[Diagram],
+    pictures: Mapping[str, Path],
+) -> str:
+    """Return the report in HTML.
+
+    Parameters
+    ----------
+    title : str
+        Of the page: which calibration it is of.
+    evidence : Evidence
+    diagrams : sequence of Diagram
+        Of the evidence.
+    pictures : mapping of str to Path
+        The pictures by the names of their views. Those that are not there, cannot be read or have
+        another size are done without.
+    """
+    css = files("calibration.report").joinpath("page.css").read_text(encoding="utf-8")
+    parts = [
+        _heading(title, evidence),
+        _next(evidence),
+        _diagrams(diagrams),
+        _sureness(evidence),
+        _models(evidence),
+        preview(evidence, pictures),
+        views(evidence, pictures),
+        rejected(evidence, pictures),
+    ]
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<title>Lens calibration {escape(title)}</title>
+<style>
+:root {{ {css_variables(LIGHT)} }}
+@media screen and (prefers-color-scheme: dark) {{ :root {{ {css_variables(DARK)} }} }}
+{css}</style>
+</head>
+<body>
+{"".join(parts)}</body>
+</html>
+"""
+
+
+def _heading(title: str, evidence: Evidence) -> str:
+    record, calibration = evidence.record, evidence.calibration
+    taken = _taken(evidence)
+    count, rejected = len(record.views), len(record.rejected)
+    wrong = int(np.sum(~evidence.kept))
+    inner, outer = record.seen_rad
+    sigma = np.interp((inner + outer) / 2, record.angle_rad, mrad(record.sigma_rad))
+    at_rim = np.interp(calibration.valid_angle_rad, record.angle_rad, mrad(record.sigma_rad))
+    width, height = calibration.image_size_px
+    tiles = [
+        ("Lens", escape(taken.model), f"{taken.parameter_count} numbers fitted"),
+        (
+            "Error at corners it was not fitted to",
+            f"{taken.held_out_px:.3f} px",
+            f"{record.rms_px:.3f} px where fitted",
+        ),
+        (
+            f"Direction uncertain at {np.rad2deg(inner + outer) / 2:.0f}° by",
+            f"{sigma:.2f} mrad",
+            f"{at_rim:.2f} mrad at the valid angle",
+        ),
+        (
+            "Valid to",
+            f"{np.rad2deg(calibration.valid_angle_rad):.1f}°",
+            f"off the axis; corners to {np.rad2deg(outer):.1f}°",
+        ),
+        (
+            "Pictures used",
+            f"{count} of {count + rejected}",
+            f"{len(evidence.kept)} corners, {wrong} left out as wrong",
+        ),
+    ]
+    listed = "".join(
+        f"<div><dt>{name}</dt><dd>{value}<small>{remark}</small></dd></div>\n"
+        for name, value, remark in tiles
+    )
+    return (
+        f'<header><h1>Lens calibration</h1>\n<p class="muted">{escape(title)} · '
+        f"{width}×{height} px</p></header>\n"
+        f'<dl class="tiles">\n{listed}</dl>\n'
+    )
+
+
+def _next(evidence: Evidence) -> str:
+    sentences = advice(evidence)
+    if not sentences:
+        return section(
+            "next", "What to photograph next", "<p>Nothing: corners lie all over the picture.</p>"
+        )
+    items = "".join(f"<li>{escape(sentence)}</li>\n" for sentence in sentences)
+    return section("next", "What to photograph next", f"<ul>\n{items}</ul>")
+
+
+def _diagrams(diagrams: Sequence[Diagram]) -> str:
+    drawn = "".join(
+        f'<figure id="{each.name}">'
+        f"{inline_svg(each.figure, each.name, f'{each.title}. {each.caption}')}"
+        f"<figcaption><strong>{each.title}</strong>{each.caption}</figcaption></figure>\n"
+        for each in diagrams
+    )
+    return section(
+        "diagrams", "Coverage, residuals, uncertainty", f'<div class="figures">\n{drawn}</div>'
+    )
+
+
+def _sureness(evidence: Evidence) -> str:
+    record = evidence.record
+    inner, outer = record.seen_rad
+    steps = [angle for angle in np.deg2rad(np.arange(15, 180, 15)) if inner < angle < outer]
+    rows = []
+    for angle in [*steps, outer]:
+        values = [
+            f"{np.interp(angle, record.angle_rad, mrad(each)):.2f}"
+            for each in (record.sigma_rad, record.split_rad)
+        ]
+        rows.append(row([f"{np.rad2deg(angle):.4g}°", *values]))
+    listed = table(
+        "Of directions, in mrad, by the angle from the axis, as far as corners were seen.",
+        ["Angle", "Uncertainty", "Odd less even views"],
+        rows,
+    )
+    sigma, split = mrad(record.sigma_rad), mrad(record.split_rad)
+    seen = (np.array(record.angle_rad) >= inner) & (np.array(record.angle_rad) <= outer)
+    ratio = float(np.nanmedian(split[seen] / sigma[seen]))
+    return section(
+        "sureness",
+        "How sure directions are",
+        "<p>The uncertainty holds the noise of the corners and what the choice of the lens leaves "
+        "open. Lenses fitted to the odd and to the even views alone differ by "
+        f"{ratio:.1f} times as much in the median. Up to three is expected, as each has half of "
+        "the views, both err, and in two directions; much more tells of views that contradict "
+        f"each other, or of too few.</p>{listed}",
+    )
+
+
+def _models(evidence: Evidence) -> str:
+    record, taken = evidence.record, _taken(evidence)
+    best = min(record.trials, key=lambda trial: trial.held_out_px)
+    rows = [
+        row(
+            [
+                trial.model,
+                f"{trial.parameter_count}",
+                f"{trial.held_out_px:.3f}",
+                f"{trial.excess_px:.3f} ± {trial.excess_error_px:.3f}",
+                _verdict(trial, taken),
+            ],
+            "chosen" if trial is taken else "",
+        )
+        for trial in record.trials
+    ]
+    listed = table(
+        "Errors in px at corners of pictures that the lens was not fitted to. More than the best: "
+        "in the mean over the pictures, with its standard error.",
+        ["Lens", "Numbers", "Error, rms", "More than the best", ""],
+        rows,
+    )
+    why = (
+        f"{taken.model} predicts left-out pictures best, and no simpler lens does so nearly as well"
+        if taken is best
+        else f"{taken.model} is the simplest lens that predicts left-out pictures no worse than "
+        f"{best.model} does, as far as these pictures tell"
+    )
+    return section("lenses", "Why this lens", f"<p>{escape(why)}.</p>{listed}")
+
+
+def _verdict(trial: TrialRecord, taken: TrialRecord) -> str:
+    if trial is taken:
+        return "chosen"
+    if trial.excess_px <= trial.excess_error_px:
+        return "as good, not simpler"
+    return "worse"
+
+
+def _taken(evidence: Evidence) -> TrialRecord:
+    record = evidence.record
+    return next(trial for trial in record.trials if trial.model == record.chosen)
