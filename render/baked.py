@@ -7,8 +7,9 @@ Input  : a scene, a camera and LightSets.    Output : linear radiance, in the li
 Cost   : tracing, seconds; a frame, see tests/benchmarks/render.py; memory, a byte per sample and
          cell. A narrow light that moves is traced anew.
 Fails  : light within a cell comes from all of it, so shadows of lights that are no narrower blur by
-         up to a cell (7° across). Highlights narrower than a cell are as wide as one. A metal's
-         edge keeps its colour where Fresnel makes it white.
+         up to a cell (9° across), and highlights narrower than that are as wide
+         (tests/limits/test_render_baked_gloss.py). A metal's edge keeps its colour where Fresnel
+         makes it white.
 """
 
 from dataclasses import dataclass, replace

@@ -1,0 +1,43 @@
+"""Claim    : baked transport draws a highlight no narrower than a cell of the sky, 9° across.
+
+Setup    : a metal sphere of roughness 0.5, 0.35, 0.2 or 0.1 on the ground, under twelve discs of
+           11°, against a ray caster. Relative RMSE of the picture, outlines left out, and relative
+           error of its mean.
+Expected : within 1.2, 3.5, 30 and 45 % (rms); the mean, all that the highlights give, within 1 %.
+Measured : 0.8, 2.3, 23 and 36 %; the mean within 0.4 %.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+from lighting.light_set import LightSet
+from render.baked import BakedRenderer
+from render.default_scene import sphere
+from render.scene import Camera, Ground, Material, Scene
+from tests.render.brute_force import SphereScene, as_points, away_from_outlines, trace
+from tests.render.light_sets import random_lights
+
+pytestmark = pytest.mark.gl
+
+CAMERA = Camera(np.array([0.5, 3.0, 2.0]), np.array([0.0, 0.2, 0.0]), 0.8, (48, 48))
+
+
+@pytest.mark.parametrize(
+    ("roughness", "bound"), [(0.5, 0.012), (0.35, 0.035), (0.2, 0.3), (0.1, 0.45)]
+)
+def test_highlights(ctx, roughness, bound):
+    material = Material((0.8, 0.6, 0.5), roughness, metalness=1.0)
+    ball = SphereScene((0.0, 0.5, 0.0), 0.5, material, Ground(0.0, (0.5, 0.5, 0.5), 20))
+    points = random_lights(12, seed=3)
+    lights = LightSet(points.directions, points.irradiance, np.full(12, 0.2))
+    scene = Scene((sphere(ball.centre, ball.radius_m, material, 64),), ball.ground)
+    with BakedRenderer(ctx, scene, CAMERA) as renderer:
+        inside = away_from_outlines(ball, CAMERA)
+        picture = renderer.render(lights)[inside, :3]
+    truth = trace(ball, CAMERA, as_points(lights, 32))[inside, :3]
+    rms = math.sqrt(np.mean((picture - truth) ** 2) / np.mean(truth**2))
+    mean = abs(picture.mean() / truth.mean() - 1)
+    assert rms < bound
+    assert mean < 0.01
