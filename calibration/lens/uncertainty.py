@@ -49,7 +49,8 @@ class Fan:
         turns = np.cross(self.directions[..., None, :], np.swapaxes(self.tangents, -1, -2))
         normal = np.einsum("aj,ajkc,ajkd->cd", self.weight, turns, turns)
         pull = np.einsum("aj,ajkc,ajk...->c...", self.weight, turns, errors)
-        rotation = np.linalg.solve(normal, pull.reshape(3, -1)).reshape(pull.shape)
+        # Where no direction has weight there is no rotation to be taken out.
+        rotation = (np.linalg.pinv(normal) @ pull.reshape(3, -1)).reshape(pull.shape)
         return np.asarray(errors - np.einsum("ajkc,c...->ajk...", turns, rotation))
 
 
