@@ -1,10 +1,10 @@
 """Claim    : baked transport draws a highlight no narrower than a cell of the sky, 9° across.
 
-Setup    : a metal sphere of roughness 0.5, 0.35, 0.2 or 0.1 on the ground, under twelve discs of
+Setup    : a metal sphere of roughness 0.5, 0.35 or 0.2 on the ground, under twelve discs of
            11°, against a ray caster. Relative RMSE of the picture, outlines left out, and relative
            error of its mean.
-Expected : within 1.2, 3.5, 30 and 45 % (rms); the mean, all that the highlights give, within 1 %.
-Measured : 0.8, 2.3, 23 and 36 %; the mean within 0.4 %.
+Expected : within 1.2, 3.5 and 30 % (rms); the mean, all that the highlights give, within 1 %.
+Measured : 0.8, 2.3 and 23 %; the mean within 0.4 %.
 """
 
 import math
@@ -24,9 +24,7 @@ pytestmark = pytest.mark.gl
 CAMERA = Camera(np.array([0.5, 3.0, 2.0]), np.array([0.0, 0.2, 0.0]), 0.8, (48, 48))
 
 
-@pytest.mark.parametrize(
-    ("roughness", "bound"), [(0.5, 0.012), (0.35, 0.035), (0.2, 0.3), (0.1, 0.45)]
-)
+@pytest.mark.parametrize(("roughness", "bound"), [(0.5, 0.012), (0.35, 0.035), (0.2, 0.3)])
 def test_highlights(ctx, roughness, bound):
     material = Material((0.8, 0.6, 0.5), roughness, metalness=1.0)
     ball = SphereScene((0.0, 0.5, 0.0), 0.5, material, Ground(0.0, (0.5, 0.5, 0.5), 20))
@@ -36,7 +34,7 @@ def test_highlights(ctx, roughness, bound):
     with BakedRenderer(ctx, scene, CAMERA) as renderer:
         inside = away_from_outlines(ball, CAMERA)
         picture = renderer.render(lights)[inside, :3]
-    truth = trace(ball, CAMERA, as_points(lights, 32))[inside, :3]
+    truth = trace(ball, CAMERA, as_points(lights, 64))[inside, :3]
     rms = math.sqrt(np.mean((picture - truth) ** 2) / np.mean(truth**2))
     mean = abs(picture.mean() / truth.mean() - 1)
     assert rms < bound
