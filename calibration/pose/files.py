@@ -1,0 +1,28 @@
+"""A calibration file as it was, but for the pose of its camera."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.camera import Calibration
+from calibration.files import read_object, write_calibration
+
+
+def write_posed(
+    path: Path,
+    start_path: Path,
+    calibration: Calibration,
+    R_world_camera: NDArray[np.float64],
+    *,
+    force: bool,
+) -> None:
+    """Write the calibration with another pose, and what `start_path` keeps of the lens's making."""
+    lens_fit = None
+    if "lens_fit" in read_object(start_path):
+        from calibration.lens.record import read_lens_record  # here: it waits for scipy
+
+        lens_fit = read_lens_record(start_path)
+    posed = replace(calibration, R_world_camera=R_world_camera)
+    write_calibration(path, posed, lens_fit=lens_fit, force=force)
