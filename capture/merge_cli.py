@@ -2,8 +2,10 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from cyclopts import Parameter
 
 from capture.alignment import Alignment, align_bracket
 from capture.arguments import Output, WholeNumber, parse_exposures, size_text, tell
@@ -28,8 +30,8 @@ def merge(
     exposures: str | None = None,
     bracket: WholeNumber = 0,
     response: Path | None = None,
-    align: bool = True,
-    ghosts: bool = True,
+    align: Annotated[bool, Parameter(negative="--no-align")] = True,
+    ghosts: Annotated[bool, Parameter(negative="--no-ghosts")] = True,
     primaries: PrimariesName = "rec709",
     force: bool = False,
 ) -> None:

@@ -1,27 +1,17 @@
 """The commands import, inspect and merge, as a shell calls them."""
 
-from typing import Any
-
 import numpy as np
 import pytest
-from cyclopts import App
 
 from capture.arguments import parse_exposures
-from capture.cli import COMMANDS
 from capture.errors import InputError
 from capture.pictures import read_picture
 from capture.radiance_files import read_radiance
 from capture.recording import open_recording
+from tests.capture.command_line import run
 from tests.capture.photo_files import scene_picture, write_photograph
 
 TIMES_S = (0.4, 0.1, 0.025)
-
-
-def run(*tokens: Any) -> None:
-    app = App()
-    for command, name in COMMANDS:
-        app.command(command, name=name)
-    app([str(token) for token in tokens], exit_on_error=False, result_action="return_value")
 
 
 @pytest.fixture

@@ -1,13 +1,9 @@
 """`fishlight merge` of brackets that moved, and with a response from a file."""
 
-from typing import Any
-
 import msgspec
 import numpy as np
 import pytest
-from cyclopts import App
 
-from capture.cli import COMMANDS
 from capture.errors import InputError
 from capture.manifest import sensor_record
 from capture.merge import merge_bracket
@@ -16,19 +12,13 @@ from capture.radiance_files import read_radiance
 from capture.recording import open_recording
 from capture.recording_writer import create_recording
 from capture.sensor_files import SCHEMA
+from tests.capture.command_line import run
 from tests.capture.simulated_bracket import LINEAR_16_BIT, SRGB_8_BIT
 from tests.capture.test_alignment import MOTIONS, hand_held, scene
 from tests.capture.test_fine_counts import ESTIMATED
 from tests.capture.test_ghosts import disc, moving
 
 STILL = [MOTIONS[0]] * 3
-
-
-def run(*tokens: Any) -> None:
-    app = App()
-    for command, name in COMMANDS:
-        app.command(command, name=name)
-    app([str(token) for token in tokens], exit_on_error=False, result_action="return_value")
 
 
 def recorded(folder, bracket, sensor):
