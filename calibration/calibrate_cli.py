@@ -6,6 +6,7 @@ from calibration.formats_cli import export_calibration, import_calibration
 from calibration.lens_cli import calibrate_lens
 from calibration.response_cli import calibrate_response
 from calibration.up_cli import calibrate_up
+from calibration.vignetting_cli import calibrate_vignetting
 
 calibrate_app = App(
     name="calibrate",
@@ -14,5 +15,6 @@ calibrate_app = App(
 calibrate_app.command(calibrate_lens, name="lens")
 calibrate_app.command(calibrate_response, name="response")
 calibrate_app.command(calibrate_up, name="up")
+calibrate_app.command(calibrate_vignetting, name="vignetting")
 calibrate_app.command(import_calibration, name="import")
 calibrate_app.command(export_calibration, name="export")
