@@ -13,7 +13,8 @@ from capture.sensor import Sensor
 
 def reduction(size_px: tuple[int, int], most_px: int) -> int:
     """Return by how many whole pixels to reduce both sides, so that at most `most_px` remain."""
-    return math.ceil(math.sqrt(math.prod(size_px) / most_px))
+    wanted = math.ceil(math.sqrt(math.prod(size_px) / most_px))
+    return min(wanted, *size_px)
 
 
 def reduced_linear(frame: Frame, sensor: Sensor, step: int) -> NDArray[np.float32]:
