@@ -137,11 +137,8 @@ def _searched(reference: Plane, picture: Plane, use: Mask) -> Motion:
         row, column = np.unravel_index(int(np.argmax(surface)), surface.shape)
         if surface[row, column] > best:
             best = surface[row, column]
-            x_px, y_px = (
-                (column + width // 2) % width - width // 2,
-                (row + height // 2) % height - height // 2,
-            )
-            motion = turn @ rigid_motion((float(x_px), float(y_px)), 0.0, (width, height))
+            shift_px = _signed(column, width), _signed(row, height)
+            motion = turn @ rigid_motion(shift_px, 0.0, (width, height))
     return motion
 
 
