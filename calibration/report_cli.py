@@ -5,6 +5,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from capture.errors import InputError
+
 
 def report(
     calibration: Path,
@@ -40,7 +42,10 @@ def report(
     if output is not None:
         refuse_report(output, force=force)
     camera, record = read_calibration(calibration), read_lens_record(calibration)
-    evidence = evidence_of(record, camera)
+    try:
+        evidence = evidence_of(record, camera)
+    except InputError as error:
+        raise InputError(f"{calibration}: {error}") from None
     for line in summary(record, camera):
         print(line)
     for line in advice(evidence):

@@ -28,7 +28,7 @@ SECTORS = (
 """Of the picture, from +x towards +y."""
 
 _LEAST_SHARE = 0.3
-"""Of a cell's directions that must lie in the picture for it to count."""
+"""Of a cell that must lie in the picture, and of a ring that must be reached, for it to count."""
 
 _MANY_VIEWS = 10
 
@@ -66,15 +66,15 @@ def directions(angle_rad: Array, azimuth_rad: Array) -> Array:
 
 
 def bare_cells(evidence: Evidence) -> list[Cell]:
-    """Return the cells in the picture without a kept corner, of rings that hold corners at all."""
+    """Return the cells in the picture without a kept corner, of the rings that were reached."""
     kept = evidence.kept
+    last_ring = int(evidence.record.seen_rad[1] / RING_RAD - _LEAST_SHARE)
     ring = np.floor(evidence.angle_rad[kept] / RING_RAD).astype(int)
     sector = np.round(evidence.azimuth_rad[kept] / (2 * np.pi / len(SECTORS))).astype(int)
     sector %= len(SECTORS)
     held = {Cell(r, s if r else None) for r, s in zip(ring.tolist(), sector.tolist(), strict=True)}
-    cells = [
-        Cell(r, s) for r in range(ring.max() + 1) for s in (range(len(SECTORS)) if r else [None])
-    ]
+    around = range(len(SECTORS))
+    cells = [Cell(r, s) for r in range(last_ring + 1) for s in (around if r else [None])]
     return [cell for cell in cells if cell not in held and _shown(cell, evidence)]
 
 
@@ -96,7 +96,7 @@ def advice(evidence: Evidence) -> list[str]:
     by_ring: dict[int, list[Cell]] = {}
     for cell in bare_cells(evidence):
         by_ring.setdefault(cell.ring, []).append(cell)
-    sentences += [f"Hold the board {_place(ring, cells)}." for ring, cells in by_ring.items()]
+    sentences += [_place(ring, cells) for ring, cells in by_ring.items()]
 
     outer, last = record.seen_rad[1], record.angle_rad[-1]
     valid = calibration.valid_angle_rad
@@ -108,7 +108,7 @@ def advice(evidence: Evidence) -> list[str]:
     if last > outer + RING_RAD / 3:
         sentences.append(
             f"Bring the board farther out if rays beyond {np.rad2deg(outer):.0f}° are wanted: "
-            f"no corner lies there, and the picture may reach {np.rad2deg(last):.0f}°."
+            f"hardly a corner lies there, and the picture may reach {np.rad2deg(last):.0f}°."
         )
     return sentences
 
@@ -116,11 +116,13 @@ def advice(evidence: Evidence) -> list[str]:
 def _place(ring: int, cells: list[Cell]) -> str:
     sectors = [SECTORS[cell.sector] for cell in cells if cell.sector is not None]
     if ring == 0:
-        return "in the middle of the picture: no corner lies within 15° of the axis"
-    degrees = f"{15 * ring}° to {15 * ring + 15}° off the axis"
+        return "Hold the board in the middle of the picture: no corner lies within 15° of the axis."
     *first, last = sectors
     listed = f"{', '.join(first)} and {last}" if first else last
-    return f"{degrees}, where no corner lies: {listed} of the middle"
+    return (
+        f"Hold the board at the {listed} of the picture, {15 * ring}° to {15 * ring + 15}° off the "
+        "axis: no corner lies there."
+    )
 
 
 def _shown(cell: Cell, evidence: Evidence) -> bool:

@@ -73,7 +73,7 @@ def _coverage(evidence: Evidence) -> Diagram:
         f"Corners (dots) lie from {inner:.0f}° to {outer:.1f}° off the axis. "
         f"{_wrong_sentence(len(wrong))}"
         + (
-            f"Tinted: {len(bare)} parts of the picture without a corner. "
+            f"Tinted: where none lies, {len(bare)} of the parts that are looked at. "
             if bare
             else "No part of the picture within is bare. "
         )
@@ -153,7 +153,7 @@ def _uncertainty(evidence: Evidence) -> Diagram:
     axis.annotate(
         f"limit {limit:g}", (0, limit), (4, 3), textcoords="offset points", color=LIGHT["amber"]
     )
-    axis.legend(loc="lower right", fontsize=8)
+    axis.legend(loc="upper left", fontsize=8)
     caption = (
         "Standard deviation of a direction in the worst azimuth, and how much lenses from every "
         "other view differ. 1 mrad moves a shadow's edge by 1 mm a metre. Tinted: where corners "
@@ -231,6 +231,7 @@ def _draw_rings(axis: Axes, evidence: Evidence) -> None:
             axis.annotate(
                 f"{15 * number}°", (x, y), color=LIGHT["muted"], fontsize=8, ha="center",
                 va="center", zorder=4,
+                bbox={"facecolor": LIGHT["page"], "edgecolor": "none", "alpha": 0.8, "pad": 1},
             )  # fmt: skip
     edge, _ = model.project(directions(np.array(valid), around))
     axis.plot(*edge.T, color=LIGHT["green"], lw=1.8, zorder=3)

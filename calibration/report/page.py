@@ -81,12 +81,12 @@ def _heading(title: str, evidence: Evidence) -> str:
     tiles = [
         ("Lens", escape(taken.model), f"{taken.parameter_count} numbers fitted"),
         (
-            "Error at corners it was not fitted to",
+            "Error where not fitted",
             f"{taken.held_out_px:.3f} px",
             f"{record.rms_px:.3f} px where fitted",
         ),
         (
-            f"Direction uncertain at {np.rad2deg(inner + outer) / 2:.0f}° by",
+            f"Uncertain at {np.rad2deg(inner + outer) / 2:.0f}° by",
             f"{sigma:.2f} mrad",
             f"{at_rim:.2f} mrad at the valid angle",
         ),
@@ -144,7 +144,7 @@ def _sureness(evidence: Evidence) -> str:
             f"{np.interp(angle, record.angle_rad, mrad(each)):.2f}"
             for each in (record.sigma_rad, record.split_rad)
         ]
-        rows.append(row([f"{np.rad2deg(angle):.4g}°", *values]))
+        rows.append(row([f"{np.rad2deg(angle):.1f}°", *values]))
     listed = table(
         "Of directions, in mrad, by the angle from the axis, as far as corners were seen.",
         ["Angle", "Uncertainty", "Odd less even views"],
@@ -173,7 +173,7 @@ def _models(evidence: Evidence) -> str:
                 trial.model,
                 f"{trial.parameter_count}",
                 f"{trial.held_out_px:.3f}",
-                f"{trial.excess_px:.3f} ± {trial.excess_error_px:.3f}",
+                f"{trial.excess_px:.3f}\u00a0±\u00a0{trial.excess_error_px:.3f}",
                 _verdict(trial, taken),
             ],
             "chosen" if trial is taken else "",
@@ -187,7 +187,8 @@ def _models(evidence: Evidence) -> str:
         rows,
     )
     why = (
-        f"{taken.model} predicts left-out pictures best, and no simpler lens does so nearly as well"
+        f"{taken.model} predicts left-out pictures best; every simpler lens is worse by more "
+        "than the standard error"
         if taken is best
         else f"{taken.model} is the simplest lens that predicts left-out pictures no worse than "
         f"{best.model} does, as far as these pictures tell"

@@ -51,7 +51,8 @@ SETTINGS: dict[Any, Any] = {
     "grid.linewidth": 0.6,
     "xtick.color": LIGHT["muted"],
     "ytick.color": LIGHT["muted"],
-    "legend.frameon": False,
+    "legend.facecolor": LIGHT["page"],
+    "legend.edgecolor": LIGHT["page"],
     "figure.facecolor": LIGHT["page"],
 }
 """Of matplotlib, for every figure of the report."""
@@ -77,7 +78,7 @@ def inline_svg(figure: Figure, name: str, description: str) -> str:
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     # matplotlib numbers its groups alike in every figure: ids that nothing refers to.
-    text = re.sub(r'(<g) id="\w+"', r"\1", text)
+    text = re.sub(r'(<g) id="[^"]*"', r"\1", text)
     for colour_name, colour in LIGHT.items():
         text = text.replace(colour, f"var(--{colour_name})")
     view_box = re.search(r'viewBox="[^"]*"', text)

@@ -31,8 +31,8 @@ _FOUND = _key("found", '<circle cx="8" cy="8" r="4.5"/>')
 _PROJECTED = _key("projected", '<path d="M3 8h10M8 3v10"/>')
 _WRONG = _key("wrong", '<circle cx="8" cy="8" r="6"/>')
 _KEY = (
-    f"<p>Found corners {_FOUND}, the board as the lens projects it {_PROJECTED}, corners left out "
-    f"as wrong {_WRONG}. The worst picture is first.</p>"
+    f"<p>{_FOUND} corners as found, {_PROJECTED} as the lens projects them, {_WRONG} left out as "
+    "wrong. The worst picture is first.</p>"
 )
 
 
