@@ -27,13 +27,10 @@ _Part = tuple[NDArray[Any], ...]
 
 _PATCHES = 3000
 """Of a flat field: more would only be more correlated."""
-_GOOD_SHARE = 0.6
+_GOOD_SHARE = 0.3
 _SECTORS, _RINGS = 12, 5
 _POINTS = 2500
 """Directions on the sphere at which overlapping pictures are compared."""
-_MOST_UNEVEN = 0.1
-"""Standard deviation over mean of what surrounds a point that is compared: away from edges, where a
-small error of the lens model would be taken for vignetting."""
 _CLEAR = 10.0
 """How many standard deviations of the background a lamp must stand out by."""
 
@@ -125,8 +122,9 @@ def lamp_samples(shots: Sequence[Shot], lamp_radius_rad: float) -> Samples:
 def overlap_samples(shots: Sequence[Shot]) -> Samples:
     """Return samples of directions that two or more pictures of a still scene show.
 
-    Each picture's calibration holds its own R_world_camera. Directions that lie near an edge, or
-    are not wholly good in a picture, are left out there.
+    Each picture's calibration holds its own R_world_camera. Directions whose surroundings are not
+    wholly good in a picture are left out there. Edges in the scene, where a small error of the lens
+    or its pose looks like vignetting, are the fit's outliers.
 
     Raises
     ------
@@ -149,7 +147,7 @@ def overlap_samples(shots: Sequence[Shot]) -> Samples:
     shared = np.bincount(samples.light, minlength=_POINTS)[samples.light] > 1
     if np.unique(samples.light[shared]).size < 100:
         raise InputError(
-            "the pictures hardly overlap in evenly lit parts that are not clipped: turn the camera "
+            "the pictures hardly overlap where they are not clipped: turn the camera "
             "by less, and see that each calibration has its picture's R_world_camera"
         )
     light = np.unique(samples.light[shared], return_inverse=True)[1]
@@ -198,19 +196,16 @@ def _lamp(shot: Shot, radius_rad: float) -> tuple[float, float, float]:
 
 
 def _smooth_values(shot: Shot, pixels: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the mean around pixels (n, 2), and whether all around them is good and even."""
+    """Return the mean around pixels (n, 2), and whether all around them is good and not black."""
     side = max(3, 2 * (max(shot.image.size_px) // 400) + 1)
-    value = shot.value
-    mean = cv2.blur(value, (side, side))
-    variance = np.maximum(cv2.blur(value**2, (side, side)) - mean**2, 0.0)
     reach = np.ones((side + 2, side + 2), np.uint8)  # of the mean, and of its interpolation
     good = cv2.erode(
         shot.is_good.astype(np.uint8), reach, borderType=cv2.BORDER_CONSTANT, borderValue=0
     )
-    is_even = (good > 0) & (mean > 0) & (variance <= (_MOST_UNEVEN * mean) ** 2)
-    x, y = np.clip(np.rint(pixels).astype(int), 0, np.array(shot.image.size_px) - 1).T
+    mean = cv2.blur(shot.value, (side, side))
     sampled = map_coordinates(mean, pixels.T[::-1], order=1, mode="nearest")
-    return sampled, is_even[y, x] & (sampled > 0)
+    x, y = np.clip(np.rint(pixels).astype(int), 0, np.array(shot.image.size_px) - 1).T
+    return sampled, (good[y, x] > 0) & (sampled > 0)
 
 
 def _pixel_solid_angles(calibration: Calibration, pixels: Array) -> Array:

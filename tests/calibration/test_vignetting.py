@@ -140,11 +140,23 @@ def test_dust_and_clipped_pixels_do_not_matter() -> None:
     radiance = even.image.radiance.copy()
     radiance[100:104, 60:64] *= 0.3  # a quarter of a patch
     clipped = np.zeros((SIZE, SIZE), bool)
-    clipped[:, 150:] = True
+    clipped[:, 152:] = True  # patches of 5 pixels: 3 of each row of the one from 150 on
     radiance[clipped] = 99
     image = replace(even.image, radiance=radiance, clipped=clipped)
     fit = fit_vignetting(flat_samples([replace(even, image=image), turned_over]))
     assert np.abs(errors(LENS, fit)).max() < 2e-3
+
+
+def test_pixels_next_to_clipped_ones_are_not_compared() -> None:
+    spoilt = []
+    for each in overlapping(UNEVEN_LENS):
+        clipped = np.zeros((SIZE, SIZE), bool)
+        clipped[::12] = True
+        radiance = np.where(clipped[..., None], np.float32(0), each.image.radiance)
+        image = replace(each.image, radiance=radiance, clipped=clipped)
+        spoilt.append(replace(each, image=image))
+    samples = overlap_samples(spoilt)
+    assert np.abs(errors(UNEVEN_LENS, fit_vignetting(samples))).max() < 3e-3
 
 
 def test_pictures_that_cannot_be_used_are_refused() -> None:
