@@ -118,10 +118,12 @@ def _place(ring: int, cells: list[Cell]) -> str:
     if ring == 0:
         return "Hold the board in the middle of the picture: no corner lies within 15° of the axis."
     *first, last = sectors
-    listed = f"{', '.join(first)} and {last}" if first else last
+    where = f"at the {', '.join(first)} and {last}" if first else f"at the {last}"
+    if len(sectors) == len(SECTORS):
+        where = "all around the middle"
     return (
-        f"Hold the board at the {listed} of the picture, {15 * ring}° to {15 * ring + 15}° off the "
-        "axis: no corner lies there."
+        f"Hold the board {where} of the picture, {15 * ring}° to {15 * ring + 15}° off the axis: "
+        "no corner lies there."
     )
 
 

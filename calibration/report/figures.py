@@ -33,6 +33,8 @@ _BIN_RAD = np.deg2rad(5.0)
 
 _LEAST_IN_BIN = 8
 
+_BEHIND_TEXT = {"facecolor": LIGHT["page"], "edgecolor": "none", "alpha": 0.8, "pad": 1}
+
 
 @dataclass(frozen=True, eq=False)
 class Diagram:
@@ -94,6 +96,10 @@ def _residual_vectors(evidence: Evidence) -> Diagram:
     sticks = np.stack([start, ends, np.full_like(start, np.nan)], axis=1).reshape(-1, 2)
     axis.plot(*sticks.T, "-", lw=0.8, color=LIGHT["red"])
     axis.plot(*start.T, "o", ms=1.4, mew=0, color=LIGHT["ink"])
+    axis.annotate(
+        f"{scale}×", (0, 0), (6, 6), xycoords="axes fraction", textcoords="offset points",
+        bbox=_BEHIND_TEXT,
+    )  # fmt: skip
     caption = (
         f"From each corner as found (dot) to where the lens projects it, exaggerated {scale}×. "
         f"Rms {evidence.record.rms_px:.3f} px. Neighbours that point the same way "
@@ -154,11 +160,17 @@ def _uncertainty(evidence: Evidence) -> Diagram:
         f"limit {limit:g}", (0, limit), (4, 3), textcoords="offset points", color=LIGHT["amber"]
     )
     axis.legend(loc="upper left", fontsize=8)
+    unsure = angle[(angle < valid) & ~(sigma <= limit)]
     caption = (
         "Standard deviation of a direction in the worst azimuth, and how much lenses from every "
         "other view differ. 1 mrad moves a shadow's edge by 1 mm a metre. Tinted: where corners "
         f"were seen. Rays beyond the valid angle are refused: there no corner was seen, or the "
         f"uncertainty exceeds {limit:g} mrad."
+        + (
+            f" Near the axis it exceeds that too, to {unsure[-1]:.0f}°, where rays are not refused."
+            if len(unsure)
+            else ""
+        )
     )
     return Diagram("uncertainty", "Uncertainty against angle", caption, figure)
 
@@ -231,7 +243,7 @@ def _draw_rings(axis: Axes, evidence: Evidence) -> None:
             axis.annotate(
                 f"{15 * number}°", (x, y), color=LIGHT["muted"], fontsize=8, ha="center",
                 va="center", zorder=4,
-                bbox={"facecolor": LIGHT["page"], "edgecolor": "none", "alpha": 0.8, "pad": 1},
+                bbox=_BEHIND_TEXT,
             )  # fmt: skip
     edge, _ = model.project(directions(np.array(valid), around))
     axis.plot(*edge.T, color=LIGHT["green"], lw=1.8, zorder=3)

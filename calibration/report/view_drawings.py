@@ -45,7 +45,7 @@ def view_svg(evidence: Evidence, view: int, grey: Grey | None) -> str:
     """Return a view's picture under the board as projected, its corners as found over both."""
     width, height = evidence.calibration.image_size_px
     record = evidence.record.views[view]
-    radius = width / 110
+    radius = _radius_px(evidence, view)
     if grey is None:
         ground = f'<rect width="{width}" height="{height}" fill="#484f58"/>'
     else:
@@ -60,6 +60,16 @@ def view_svg(evidence: Evidence, view: int, grey: Grey | None) -> str:
         f'<path class="found" d="{_circles(record, radius, kept=True)}"/>'
         f'<path class="wrong" d="{_circles(record, 1.6 * radius, kept=False)}"/></g></svg>'
     )
+
+
+def _radius_px(evidence: Evidence, view: int) -> float:
+    """Return the radius of a mark: to be seen in a small picture, and clear of its neighbours."""
+    columns, rows = evidence.record.board.grid
+    along = np.diff(evidence.boards_px[view].reshape(rows, columns, 2), axis=1)
+    steps = np.hypot(along[..., 0], along[..., 1])
+    steps = steps[np.isfinite(steps)]
+    widest = evidence.calibration.image_size_px[0] / 110
+    return float(min(widest, np.median(steps) / 3)) if len(steps) else widest
 
 
 def _board_path(evidence: Evidence, view: int) -> str:

@@ -117,6 +117,14 @@ def test_the_side_without_boards_is_what_to_photograph() -> None:
     assert "left" not in said
 
 
+def test_a_ring_that_is_bare_is_named_as_one() -> None:
+    far = [(50, azimuth) for azimuth in range(0, 360, 30)]
+    record, calibration, _ = known_record(far, last_angle_rad=1.2)
+    said = " ".join(advice(evidence_of(record, calibration)))
+    assert "in the middle of the picture: no corner lies within 15°" in said
+    assert "all around the middle of the picture, 15° to 30° off the axis" in said
+
+
 def test_parts_outside_of_the_picture_are_not_asked_for() -> None:
     # The picture reaches 86° upwards and 114° sideways.
     sideways = [(angle, azimuth) for angle in (20, 45, 70, 95) for azimuth in (0, 180)]
