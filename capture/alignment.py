@@ -21,9 +21,9 @@ from capture.errors import InputError
 from capture.fine_counts import encode, fine_counts, fine_sensor
 from capture.frame import Bracket, Frame
 from capture.lens_circle import outside_circle
-from capture.reduced import measured_range, reduced_linear, reduction
+from capture.reduced import reduced_linear, reduction
 from capture.registration import Mask, Motion, Registration, register, warped, warped_mask
-from capture.sensor import Sensor
+from capture.sensor import Sensor, clear_level
 
 LARGEST_SHIFT = 0.05
 """Shift beyond which a bracket is refused, in shorter sides of the picture: what a shift and a turn
@@ -45,7 +45,7 @@ _LARGEST_DEVIATION = 0.5
 _FOUND_PX = 2**21
 """Motions are found in pictures reduced to at most so many pixels."""
 
-_LARGEST_NOISE = 0.1
+_LEAST_SNR = 10.0
 _LARGEST_VALUE = 0.9
 
 
@@ -186,8 +186,9 @@ def _common_range(darker: Frame, brighter: Frame, sensor: Sensor) -> tuple[float
 
     Where they measure none in common the largest is the lesser, and what is held by it is flat.
     """
-    least, most = measured_range(sensor, darker.exposure.gain, _LARGEST_NOISE)
-    return least / darker.exposure.signal, _LARGEST_VALUE * most / brighter.exposure.signal
+    least = clear_level(sensor, darker.exposure.gain, _LEAST_SNR)
+    most = _LARGEST_VALUE * sensor.saturation
+    return least / darker.exposure.signal, most / brighter.exposure.signal
 
 
 def _logarithm(radiance: NDArray[np.float32], low: float, high: float) -> NDArray[np.float32]:

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import InputError
-from capture.scene_range import UNKNOWN_RANGE, SceneRange, clear_level
-from capture.sensor import Sensor
+from capture.scene_range import UNKNOWN_RANGE, SceneRange
+from capture.sensor import Sensor, clear_level
 
 LEAST_SNR = 10.0
 """Signal to noise ratio that a pixel of the scene's darkest part is to have."""

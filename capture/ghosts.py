@@ -21,15 +21,15 @@ from numpy.typing import NDArray
 from capture.frame import Bracket, Frame
 from capture.merge import merge_bracket
 from capture.radiance import RadianceImage
-from capture.reduced import measured_range, reduced_brightest, reduced_linear, reduction
-from capture.sensor import Sensor
+from capture.reduced import reduced_brightest, reduced_linear, reduction
+from capture.sensor import Sensor, clear_level
 
 _LOOKED_AT_PX = 2**21
 """Ghosts are looked for in pictures reduced to at most so many pixels."""
 
-_LARGEST_NOISE = 0.2
-"""Standard deviation of the noisiest values compared, in parts of them. It is 0.1 EV in a mean of
-nine, and the neighbourhood allows for more."""
+_LEAST_SNR = 5.0
+"""Signal to noise ratio of the noisiest values compared. In a mean of nine the noise is 0.1 EV, and
+the neighbourhood allows for more."""
 
 _LARGEST_VALUE = 0.9
 """Part of saturation above which values are not compared: curves are least known there."""
@@ -123,12 +123,12 @@ def without_ghosts(
 
 def _seen(frame: Frame, sensor: Sensor, step: int) -> _Seen:
     linear = np.asarray(cv2.blur(reduced_linear(frame, sensor, step), (3, 3)), np.float32)
-    least, _ = measured_range(sensor, frame.exposure.gain, _LARGEST_NOISE)
+    least = min(clear_level(sensor, frame.exposure.gain, _LEAST_SNR), sensor.saturation)
     held = np.maximum(linear, np.float32(least))
     brightest = sensor.linear_table()[reduced_brightest(frame.counts, step), np.arange(3)]
     is_full = brightest >= _LARGEST_VALUE * sensor.saturation
     log2_radiance = np.log2(held) - np.float32(math.log2(frame.exposure.signal))
-    return _Seen(frame, log2_radiance, linear > least, is_full)
+    return _Seen(frame, log2_radiance, linear >= least, is_full)
 
 
 def _contradicting(darker: _Seen, brighter: _Seen, sensor: Sensor) -> Mask:

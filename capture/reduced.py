@@ -45,14 +45,3 @@ def reduced_brightest(counts: NDArray[Any], step: int) -> NDArray[Any]:
     for part in parts[1:]:
         np.maximum(brightest, part, out=brightest)
     return brightest
-
-
-def measured_range(sensor: Sensor, gain: float, largest_noise: float) -> tuple[float, float]:
-    """Return the linear values between which counts are below saturation and not mere noise.
-
-    `largest_noise` is the standard deviation of a value, in parts of it; below 0.28 a count's own
-    step keeps the least value above black.
-    """
-    linear = sensor.linear_table()
-    spread = np.sqrt(sensor.variance_table(gain))
-    return float(linear[spread > largest_noise * linear].max(initial=0.0)), sensor.saturation

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.frame import Bracket, Frame
-from capture.sensor import Sensor
+from capture.sensor import Sensor, clear_level
 
 CLIPPED_SHARE = 2e-6
 """Values (of pixels and channels) that may be clipped: fewer than the sun's disc has in a fisheye
@@ -61,17 +61,6 @@ def scene_range(bracket: Bracket, sensor: Sensor) -> SceneRange:
     longest = bracket.by_signal()[-1].exposure
     is_hidden = darkest * longest.signal < clear_level(sensor, longest.gain, _HIDDEN_SNR)
     return SceneRange(0.0 if is_hidden else darkest, brightest)
-
-
-@lru_cache(maxsize=16)
-def clear_level(sensor: Sensor, gain: float, snr: float) -> float:
-    """Return the least linear value with a signal to noise ratio of `snr` in every channel.
-
-    It is infinite if no count of the sensor has it.
-    """
-    linear = sensor.linear_table().astype(np.float64)
-    is_clear = (linear > 0.0) & (linear >= snr * np.sqrt(sensor.variance_table(gain)))
-    return float(np.where(is_clear, linear, math.inf).min(axis=0).max())
 
 
 def radiance_distribution(

@@ -6,7 +6,7 @@ Fails  : where the response is assumed rather than measured: a camera's JPEG cur
 """
 
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -155,6 +155,18 @@ def in_primaries(sensor: Sensor, name: PrimariesName) -> Sensor:
     if sensor.colour_matrix is not None:
         matrix = matrix @ sensor.colour_matrix
     return replace(sensor, colour_matrix=matrix, primaries=name)
+
+
+@lru_cache(maxsize=16)
+def clear_level(sensor: Sensor, gain: float, snr: float) -> float:
+    """Return the least linear value with a signal to noise ratio of `snr` in every channel.
+
+    It is above 0, and infinite if no count of the sensor has that ratio. Counts above it may lack
+    it again, where an estimated response is uncertain.
+    """
+    linear = sensor.linear_table().astype(np.float64)
+    is_clear = (linear > 0.0) & (linear >= snr * np.sqrt(sensor.variance_table(gain)))
+    return float(np.where(is_clear, linear, np.inf).min(axis=0).max())
 
 
 def srgb_decode(value: NDArray[Any]) -> NDArray[np.float64]:

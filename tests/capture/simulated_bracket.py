@@ -1,6 +1,7 @@
 """A camera of known noise, for tests: radiance in, the bracket it would record out."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,11 @@ from capture.frame import Bracket, Exposure, Frame
 from capture.sensor import Sensor, assumed_sensor
 
 SRGB_8_BIT = assumed_sensor(np.uint8)
+DOUBTFUL_AT_WHITE = replace(
+    SRGB_8_BIT, response_deviation=np.where(np.arange(256) < 253, 0.0, 0.5)[:, None] * np.ones(3)
+)
+"""sRGB, as if measured: what lies above saturation was not seen and is extrapolated."""
+
 LINEAR_16_BIT = Sensor(black_dn=1024.0, white_dn=65535.0, source="simulated linear")
 
 

@@ -12,7 +12,12 @@ from capture.frame import Bracket, Exposure, Frame
 from capture.merge import merge_bracket
 from capture.registration import rigid_motion
 from tests.capture.photo_files import DATA
-from tests.capture.simulated_bracket import LINEAR_16_BIT, SRGB_8_BIT, record
+from tests.capture.simulated_bracket import (
+    DOUBTFUL_AT_WHITE,
+    LINEAR_16_BIT,
+    SRGB_8_BIT,
+    record,
+)
 
 WIDTH, HEIGHT, MARGIN_PX = 240, 160, 40
 TIMES_S = (1 / 64, 1 / 8, 1.0)
@@ -77,6 +82,15 @@ def test_motions_are_found_and_undone(sensor):
     assert rms_ev(bracket, sensor) > 0.5
     # Bilinear resampling blurs: on top of what noise a still bracket has.
     assert rms_ev(aligned.bracket, aligned.sensor) < rms_ev(still, sensor) + 0.03
+
+
+def test_counts_that_are_in_doubt_hide_no_motion_of_others():
+    bracket = hand_held(scene(), MOTIONS, DOUBTFUL_AT_WHITE)
+    found = align_bracket(bracket, DOUBTFUL_AT_WHITE).alignments
+    expected = align_bracket(bracket, SRGB_8_BIT).alignments
+    for one, other in zip(found, expected, strict=True):
+        assert one.is_certain
+        np.testing.assert_array_equal(one.motion, other.motion)
 
 
 @both_sensors

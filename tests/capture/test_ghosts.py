@@ -10,7 +10,12 @@ from capture.merge import merge_bracket
 from capture.radiance_files import read_hdr
 from tests.calibration.response_scenes import true_sensor
 from tests.capture.photo_files import DATA
-from tests.capture.simulated_bracket import LINEAR_16_BIT, SRGB_8_BIT, record
+from tests.capture.simulated_bracket import (
+    DOUBTFUL_AT_WHITE,
+    LINEAR_16_BIT,
+    SRGB_8_BIT,
+    record,
+)
 
 WIDTH, HEIGHT = 240, 160
 TIMES_S = (1 / 16, 1 / 4, 1.0)
@@ -52,6 +57,13 @@ def moving(sensor, value, **options):
     """A disc of grey `value` that stands elsewhere in each exposure, and the truth of where."""
     bracket = taken([with_disc(scene(), place, value) for place in PLACES_PX], sensor, **options)
     return bracket, np.any([disc(place) for place in PLACES_PX], axis=0)
+
+
+def test_counts_that_are_in_doubt_hide_no_ghost_of_others():
+    bracket, _ = moving(SRGB_8_BIT, 0.1)
+    found = find_ghosts(bracket, DOUBTFUL_AT_WHITE)
+    assert found.any()
+    np.testing.assert_array_equal(found, find_ghosts(bracket, SRGB_8_BIT))
 
 
 @both_sensors
