@@ -15,6 +15,7 @@ def calibrate_lens(
     board: str,
     square_mm: float,
     output: Output,
+    report: Path | None = None,
     force: Annotated[bool, Parameter(negative=())] = False,
 ) -> None:
     """Calibrate a lens from pictures of a flat board.
@@ -37,8 +38,11 @@ def calibrate_lens(
         Side of a square, or of a tag. Only the boards' distances depend on it.
     output
         The calibration file; it keeps the corners and how good the calibration is.
+    report
+        Also write what `fishlight report` shows: a page, report.html, or a folder for it and its
+        diagrams in PNG.
     force
-        Replace the output if it exists.
+        Replace the output and the report if they exist.
     """
     # Here, so that no other command waits for scipy.
     from calibration.board import parse_board
@@ -47,8 +51,12 @@ def calibrate_lens(
     from calibration.lens.fit import fit_lens
     from calibration.lens.record import record_of, summary
     from calibration.observations import Rejected, View
+    from calibration.report.evidence import evidence_of
+    from calibration.report.write import refuse_report, write_report
 
     refuse_existing(output, force=force)
+    if report is not None:
+        refuse_report(report, force=force)
     wanted = parse_board(board, square_mm * 1e-3)
     found = detect_views(images, wanted)
     views = [each for each in found if isinstance(each, View)]
@@ -57,4 +65,11 @@ def calibrate_lens(
     write_calibration(output, fit.calibration, lens_fit=record, force=force)
     for line in summary(record, fit.calibration):
         print(line)
+    if report is not None:
+        # Views have the names of their files; of two files of one name neither is shown.
+        names = [path.name for path in images]
+        pictures = {path.name: path for path in images if names.count(path.name) == 1}
+        evidence = evidence_of(record, fit.calibration)
+        for line in write_report(report, output.name, evidence, pictures, force=force):
+            print(line)
     print(f"{output}: {fit.calibration.model.name} lens, {len(views)} views")

@@ -41,9 +41,10 @@ def write_report(
     """
     refuse_report(output, force=force)
     drawn = diagrams(evidence)
-    found = sum(pictures[view.name].is_file() for view in evidence.record.views)
+    names = [view.name for view in evidence.record.views]
+    found = sum(name in pictures and pictures[name].is_file() for name in names)
     text = page(title, evidence, drawn, pictures)
-    told = f"{found} of {len(evidence.record.views)} views with their pictures"
+    told = f"{found} of {len(names)} views with their pictures"
     if output.suffix.lower() in _PAGE_SUFFIXES:
         write_text(output, text, force=force)
         return [f"{output}: {told}"]

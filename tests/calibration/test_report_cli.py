@@ -1,11 +1,15 @@
 """`fishlight report` on calibration files that were never near a camera."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
+import numpy as np
 import pytest
 
-from calibration.files import write_calibration
+from calibration.files import read_calibration, write_calibration
+from calibration.lens.record import read_lens_record
+from calibration.lens_cli import calibrate_lens
 from calibration.observations import Rejected
 from calibration.report_cli import report
 from capture.errors import InputError
@@ -67,7 +71,7 @@ def test_a_folder_gets_the_page_and_the_diagrams(calibration_file: Path) -> None
 def test_a_picture_outside_of_the_folder_is_not_read(calibration_file: Path) -> None:
     inside = calibration_file.parent / "pictures"
     inside.mkdir()
-    cv2.imwrite(str(calibration_file.parent / "outside.png"), cv2.UMat(240, 320, cv2.CV_8U).get())
+    cv2.imwrite(str(calibration_file.parent / "outside.png"), np.zeros((240, 320), np.uint8))
     out = calibration_file.with_name("report.html")
     report(calibration_file, output=out, pictures=inside)
     assert "<img" not in out.read_text()
@@ -90,3 +94,39 @@ def test_an_altered_record_is_refused_with_its_file(calibration_file: Path) -> N
     calibration_file.write_text(text.replace('"chosen":"equidistant"', '"chosen":"ocam"'))
     with pytest.raises(InputError, match=r"cal\.json: lens_fit: 'ocam' is chosen"):
         report(calibration_file)
+
+
+def test_calibrating_writes_the_report_from_the_pictures_it_was_given(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = ["a.png", "b.png", "c.png"]
+    record, calibration, _ = known_record([(0, 0), (40, 200), (50, 90)], names=names)
+    monkeypatch.setattr("calibration.detection_files.detect_views", lambda *_: [])
+    monkeypatch.setattr(
+        "calibration.lens.fit.fit_lens", lambda *_: SimpleNamespace(calibration=calibration)
+    )
+    monkeypatch.setattr("calibration.lens.record.record_of", lambda _: record)
+    (tmp_path / "other").mkdir()
+    # Two files are named b.png: which of them the view is of, nothing tells.
+    pictures = [tmp_path / name for name in ("a.png", "b.png", "other/b.png", "c.png")]
+    for picture in pictures:
+        cv2.imwrite(str(picture), np.zeros((240, 320), np.uint8))
+    out, page = tmp_path / "cal.json", tmp_path / "report.html"
+    calibrate_lens(pictures, board="5x4", square_mm=50.0, output=out, report=page)
+    assert read_calibration(out).model == calibration.model
+    assert [view.name for view in read_lens_record(out).views] == names
+    assert page.read_text().count("<image ") == 2
+
+
+def test_a_report_that_exists_is_refused_before_any_work(tmp_path: Path) -> None:
+    page = tmp_path / "report.html"
+    page.write_text("mine")
+    with pytest.raises(InputError, match=r"report\.html exists; give --force"):
+        calibrate_lens(
+            [tmp_path / "none.jpg"],
+            board="9x6",
+            square_mm=30.0,
+            output=tmp_path / "cal.json",
+            report=page,
+        )
+    assert page.read_text() == "mine"
