@@ -138,8 +138,19 @@ def read_photo_bracket(
         )
     photographs = plan.brackets[position]
     bracket, sensor = _decode(photographs, position, sensor)
-    warning = _exposure_warning(bracket, sensor, photographs, given=exposures_s is not None)
-    return bracket, sensor, (*plan.notes, *warning)
+    notes = [*plan.notes]
+    if len(plan.brackets) > 1:
+        notes.append(
+            f"the photographs form {len(plan.brackets)} brackets, from 0 on; this is {position}"
+        )
+    notes += _exposure_warning(bracket, sensor, photographs, given=exposures_s is not None)
+    return bracket, sensor, tuple(notes)
+
+
+def check_has_response(frame: Frame, path: Path) -> None:
+    """Raise InputError if a frame of `path` is radiance already: no response could be used."""
+    if frame.counts.dtype == np.float32:
+        raise InputError(f"{path} holds radiance, which has no response: no --response")
 
 
 def _import_photographs(
@@ -226,6 +237,8 @@ def _decode(
     paths = [photograph.path for photograph in photographs]
     check_alike("size", paths, [_kind(frame) for frame in frames])
     _check_repeats(frames, paths)
+    if measured is not None:
+        check_has_response(frames[0], paths[0])
     sensor = measured or files[0].sensor()
     sensor.check_counts(frames[0].counts.dtype)
     return Bracket(tuple(frames), position), sensor

@@ -13,7 +13,7 @@ from capture.errors import InputError
 from capture.exposure_check import exposure_warning
 from capture.frame import Bracket
 from capture.ghosts import find_ghosts, without_ghosts
-from capture.importing import read_photo_bracket
+from capture.importing import check_has_response, read_photo_bracket
 from capture.manifest import MANIFEST_NAME
 from capture.merge import merge_bracket
 from capture.output import refuse_existing
@@ -122,6 +122,8 @@ def _read_bracket(
             f"{sources[0]} has no bracket {position}; it has {len(recording)}, from 0 on"
         )
     chosen = recording.read_bracket(position)
+    if measured is not None:
+        check_has_response(chosen.frames[0], sources[0])
     sensor = measured or recording.sensor
     sensor.check_counts(chosen.frames[0].counts.dtype)
     return chosen, sensor, _exposure_notes(chosen, sensor)

@@ -129,7 +129,8 @@ def test_given_exposures_are_believed_against_the_pixels(tmp_path):
 
 def test_one_of_several_brackets_is_chosen(tmp_path):
     paths = write_bracket(tmp_path / "photos", repetitions=2)
-    bracket, sensor, _ = read_photo_bracket(paths, position=1)
+    bracket, sensor, notes = read_photo_bracket(paths, position=1)
+    assert "the photographs form 2 brackets, from 0 on; this is 1" in notes
     assert bracket.index == 1
     assert len(bracket.frames) == 3
     assert sensor.white_dn == 255

@@ -99,6 +99,15 @@ def test_a_response_takes_the_place_of_the_assumed_one(tmp_path, response, capsy
     assert open_recording(tmp_path / "imported").sensor.source == "estimated"
 
 
+def test_a_response_of_radiance_is_refused(tmp_path, response):
+    bracket = hand_held(scene(), STILL, SRGB_8_BIT)
+    run("merge", recorded(tmp_path / "r", bracket, SRGB_8_BIT), "-o", tmp_path / "a.exr")
+    run("import", tmp_path / "a.exr", "-o", tmp_path / "imported")
+    for source in (tmp_path / "a.exr", tmp_path / "imported"):
+        with pytest.raises(InputError, match=f"{source} holds radiance, .*: no --response"):
+            run("merge", source, "-o", tmp_path / "b.exr", "--response", response)
+
+
 def test_a_response_of_other_counts_is_refused(tmp_path, response):
     bracket = hand_held(scene(), STILL, LINEAR_16_BIT)
     recorded(tmp_path / "r", bracket, LINEAR_16_BIT)
