@@ -51,6 +51,7 @@ def calibrate_lens(
     from calibration.lens.fit import fit_lens
     from calibration.lens.record import record_of, summary
     from calibration.observations import Rejected, View
+    from calibration.report.coverage import advice
     from calibration.report.evidence import evidence_of
     from calibration.report.write import refuse_report, write_report
 
@@ -63,13 +64,15 @@ def calibrate_lens(
     fit = fit_lens(wanted, views, [each for each in found if isinstance(each, Rejected)])
     record = record_of(fit)
     write_calibration(output, fit.calibration, lens_fit=record, force=force)
+    evidence = evidence_of(record, fit.calibration)
     for line in summary(record, fit.calibration):
         print(line)
+    for line in advice(evidence):
+        print(f"next: {line}")
     if report is not None:
         # Views have the names of their files; of two files of one name neither is shown.
         names = [path.name for path in images]
         pictures = {path.name: path for path in images if names.count(path.name) == 1}
-        evidence = evidence_of(record, fit.calibration)
         for line in write_report(report, output.name, evidence, pictures, force=force):
             print(line)
     print(f"{output}: {fit.calibration.model.name} lens, {len(views)} views")

@@ -64,7 +64,9 @@ def page(
 {css}</style>
 </head>
 <body>
-{"".join(parts)}</body>
+<main>
+{"".join(parts)}</main>
+</body>
 </html>
 """
 
@@ -75,8 +77,10 @@ def _heading(title: str, evidence: Evidence) -> str:
     count, rejected = len(record.views), len(record.rejected)
     wrong = int(np.sum(~evidence.kept))
     inner, outer = record.seen_rad
-    sigma = np.interp((inner + outer) / 2, record.angle_rad, mrad(record.sigma_rad))
-    at_rim = np.interp(calibration.valid_angle_rad, record.angle_rad, mrad(record.sigma_rad))
+    sigma, at_rim = (
+        _mrad_at(angle, record.angle_rad, record.sigma_rad)
+        for angle in ((inner + outer) / 2, calibration.valid_angle_rad)
+    )
     width, height = calibration.image_size_px
     tiles = [
         ("Lens", escape(taken.model), f"{taken.parameter_count} numbers fitted"),
@@ -87,8 +91,8 @@ def _heading(title: str, evidence: Evidence) -> str:
         ),
         (
             f"Uncertain at {np.rad2deg(inner + outer) / 2:.0f}° by",
-            f"{sigma:.2f} mrad",
-            f"{at_rim:.2f} mrad at the valid angle",
+            f"{sigma} mrad",
+            f"{at_rim} mrad at the valid angle",
         ),
         (
             "Valid to",
@@ -141,8 +145,7 @@ def _sureness(evidence: Evidence) -> str:
     rows = []
     for angle in [*steps, outer]:
         values = [
-            f"{np.interp(angle, record.angle_rad, mrad(each)):.2f}"
-            for each in (record.sigma_rad, record.split_rad)
+            _mrad_at(angle, record.angle_rad, each) for each in (record.sigma_rad, record.split_rad)
         ]
         rows.append(row([f"{np.rad2deg(angle):.1f}°", *values]))
     listed = table(
@@ -150,18 +153,27 @@ def _sureness(evidence: Evidence) -> str:
         ["Angle", "Uncertainty", "Odd less even views"],
         rows,
     )
-    sigma, split = mrad(record.sigma_rad), mrad(record.split_rad)
-    seen = (np.array(record.angle_rad) >= inner) & (np.array(record.angle_rad) <= outer)
-    ratio = float(np.nanmedian(split[seen] / sigma[seen]))
+    ratio = mrad(record.split_rad) / mrad(record.sigma_rad)
+    angle = np.array(record.angle_rad)
+    ratio = ratio[np.isfinite(ratio) & (angle >= inner) & (angle <= outer)]
+    told = (
+        f"{np.median(ratio):.1f} times as much in the median" if len(ratio) else "unknown amounts"
+    )
     return section(
         "sureness",
         "How sure directions are",
         "<p>The uncertainty holds the noise of the corners and what the choice of the lens leaves "
         "open. Lenses fitted to the odd and to the even views alone differ by "
-        f"{ratio:.1f} times as much in the median. Up to three is expected, as each has half of "
+        f"{told}. Up to three is expected, as each has half of "
         "the views, both err, and in two directions; much more tells of views that contradict "
         f"each other, or of too few.</p>{listed}",
     )
+
+
+def _mrad_at(angle_rad: float, angles_rad: list[float], values_rad: list[float | None]) -> str:
+    """Return a value in mrad at an angle, in figures; a dash where there is none."""
+    value = np.interp(angle_rad, angles_rad, mrad(values_rad))
+    return f"{value:.2f}" if np.isfinite(value) else "–"
 
 
 def _models(evidence: Evidence) -> str:

@@ -7,6 +7,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 
@@ -166,6 +167,15 @@ def test_its_numbers_are_the_records() -> None:
     assert rows["30.0°"] == ["0.52", "1.05"]
     assert rows["60.0°"] == ["1.05", "2.09"]
     assert "differ by 2.0 times as much" in parsed.text
+
+
+def test_where_a_curve_has_no_value_the_page_has_a_dash() -> None:
+    record, calibration, _ = known_record([(0, 0), (40, 200), (70, 0)])
+    nowhere = msgspec.structs.replace(record, split_rad=[None] * len(record.angle_rad))
+    evidence = evidence_of(nowhere, calibration)
+    parsed = _Page(page("cal", evidence, diagrams(evidence), {}))
+    assert ["30.0°", "0.52", "–"] in parsed.rows
+    assert "nan" not in parsed.text.lower()
 
 
 def test_the_table_of_lenses_tells_which_was_chosen_and_why() -> None:
