@@ -31,7 +31,7 @@ def calibrate_up(
     *,
     output: Output,
     looks: Literal["level", "up", "down"] | None = None,
-    gravity: str = "",
+    gravity: Annotated[str, Parameter(allow_leading_hyphen=True)] = "",
     vertical: Annotated[list[str] | None, Parameter(negative=())] = None,
     horizon: str = "",
     force: Annotated[bool, Parameter(negative=())] = False,
