@@ -183,10 +183,10 @@ def _models(evidence: Evidence) -> str:
         row(
             [
                 trial.model,
+                _verdict(trial, taken),
                 f"{trial.parameter_count}",
                 f"{trial.held_out_px:.3f}",
                 f"{trial.excess_px:.3f}\u00a0±\u00a0{trial.excess_error_px:.3f}",
-                _verdict(trial, taken),
             ],
             "chosen" if trial is taken else "",
         )
@@ -195,7 +195,7 @@ def _models(evidence: Evidence) -> str:
     listed = table(
         "Errors in px at corners of pictures that the lens was not fitted to. More than the best: "
         "in the mean over the pictures, with its standard error.",
-        ["Lens", "Numbers", "Error, rms", "More than the best", ""],
+        ["Lens", "Verdict", "Numbers", "Error, rms", "More than the best"],
         rows,
     )
     why = (
@@ -212,7 +212,7 @@ def _verdict(trial: TrialRecord, taken: TrialRecord) -> str:
     if trial is taken:
         return "chosen"
     if trial.excess_px <= trial.excess_error_px:
-        return "as good, not simpler"
+        return "as good"
     return "worse"
 
 
