@@ -16,9 +16,9 @@ from capture.ghosts import find_ghosts, without_ghosts
 from capture.importing import check_has_response, read_photo_bracket
 from capture.manifest import MANIFEST_NAME
 from capture.merge import merge_bracket
-from capture.output import refuse_existing
+from capture.output import check_place
 from capture.primaries import PrimariesName
-from capture.radiance_files import write_radiance
+from capture.radiance_files import check_hdr_suffix, write_radiance
 from capture.recording import open_recording
 from capture.sensor import Sensor, in_primaries
 from capture.sensor_files import read_sensor
@@ -62,7 +62,8 @@ def merge(
     force
         Replace the output if it exists.
     """
-    refuse_existing(output, force=force)
+    check_hdr_suffix(output)
+    check_place(output, force=force)  # refused before the work, not after
     times_s = None if exposures is None else parse_exposures(exposures)
     measured = None if response is None else read_sensor(response)
     chosen, sensor, notes = _read_bracket(sources, times_s, bracket, measured)

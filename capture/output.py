@@ -29,6 +29,13 @@ def refuse_existing(path: Path, *, force: bool) -> None:
         raise _unwritable(path, error) from None
 
 
+def check_place(path: Path, *, force: bool) -> None:
+    """Raise InputError as `refuse_existing`, or if there is no folder for `path` to be in."""
+    refuse_existing(path, force=force)
+    if not path.parent.is_dir():
+        raise InputError(f"{path.parent} is not a folder; {path.name} cannot be written there")
+
+
 @contextmanager
 def replacing(path: Path, *, force: bool = True) -> Iterator[Path]:
     """Yield a temporary path beside `path`, which takes its name when the block succeeds.
@@ -42,9 +49,7 @@ def replacing(path: Path, *, force: bool = True) -> Iterator[Path]:
         If `path` exists and `force` is False, its folder does not exist, or the file cannot be
         written (no permission, no space).
     """
-    refuse_existing(path, force=force)
-    if not path.parent.is_dir():
-        raise InputError(f"{path.parent} is not a folder; {path.name} cannot be written there")
+    check_place(path, force=force)
     try:
         handle, name = tempfile.mkstemp(prefix=PARTIAL_PREFIX, suffix=path.suffix, dir=path.parent)
     except OSError as error:

@@ -57,6 +57,12 @@ class HdrPicture:
     attributes: Mapping[str, Any] = field(default_factory=dict)
 
 
+def check_hdr_suffix(path: Path) -> None:
+    """Raise InputError unless `path` is named .exr or .hdr."""
+    if path.suffix.lower() not in HDR_SUFFIXES:
+        raise InputError(f"{path}: wanted a file named .exr or .hdr")
+
+
 def read_hdr(path: Path) -> HdrPicture:
     """Return the picture of an .exr or .hdr file.
 
@@ -70,12 +76,8 @@ def read_hdr(path: Path) -> HdrPicture:
     InputError
         If it does not exist, is of another kind, or has no R, G and B.
     """
-    suffix = path.suffix.lower()
-    if suffix == ".exr":
-        return _read_exr_picture(path)
-    if suffix == ".hdr":
-        return _read_hdr_picture(path)
-    raise _unknown_suffix(path)
+    check_hdr_suffix(path)
+    return _read_hdr_picture(path) if _is_hdr(path) else _read_exr_picture(path)
 
 
 def write_hdr(
@@ -102,12 +104,10 @@ def write_hdr(
         If the suffix is neither, the file exists and `force` is False, or a .hdr file cannot hold
         a value: negative, not finite, above 2^126.
     """
-    suffix = path.suffix.lower()
-    if suffix == ".hdr":
+    check_hdr_suffix(path)
+    if _is_hdr(path):
         write_radiance_hdr(path, rgb, primaries, force=force)
         return
-    if suffix != ".exr":
-        raise _unknown_suffix(path)
     channels = dict(zip("RGB", np.moveaxis(rgb, -1, 0), strict=True))
     channels |= {
         name: mask.astype(np.float32)
@@ -224,5 +224,5 @@ def _in_rec709(path: Path, picture: HdrPicture, chromaticities: Sequence[Any]) -
     return replace(picture, rgb=rgb, variance=variance, notes=(*picture.notes, note))
 
 
-def _unknown_suffix(path: Path) -> InputError:
-    return InputError(f"{path}: wanted a file named .exr or .hdr")
+def _is_hdr(path: Path) -> bool:
+    return path.suffix.lower() == ".hdr"

@@ -73,8 +73,6 @@ def create_recording(
         If `folder` exists and may not be replaced, or the calibration is not a JSON object.
     """
     folder = folder.resolve()
-    if not folder.parent.is_dir():
-        raise InputError(f"{folder.parent} is not a folder; {folder.name} cannot be made there")
     copied = None if calibration is None else _calibration_bytes(calibration)
     replaced = replaces_recording(folder, force=force)
     target = folder
@@ -109,8 +107,11 @@ def replaces_recording(folder: Path, *, force: bool) -> bool:
     Raises
     ------
     InputError
-        If `folder` exists and `force` is False, or it holds anything but a recording.
+        If `folder` exists and may not be replaced, or its parent is no folder.
     """
+    parent = folder.resolve().parent
+    if not parent.is_dir():
+        raise InputError(f"{parent} is not a folder; {folder.name} cannot be made there")
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return False
     if not force:
