@@ -277,7 +277,7 @@ def _scaled(lens: Any, scale: NDArray[np.float64]) -> Any:
     changes: dict[str, object] = {}
     for name in (each.name for each in fields(lens) if each.name.endswith("_px")):
         value = np.asarray(getattr(lens, name))
-        if name == "centre_px":
+        if name in ("centre_px", "principal_px"):
             changes[name] = tuple(((value + 0.5) * scale - 0.5).tolist())
         elif name == "focal_px":
             changes[name] = tuple((value * scale).tolist())

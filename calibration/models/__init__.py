@@ -8,6 +8,7 @@ from calibration.models.equisolid import Equisolid
 from calibration.models.extended_unified import ExtendedUnified
 from calibration.models.kannala_brandt import KannalaBrandt
 from calibration.models.mirror_ball import MirrorBall
+from calibration.models.mirror_ball_off_axis import MirrorBallOffAxis
 from calibration.models.ocam import OCam
 from calibration.models.orthographic import Orthographic
 from calibration.models.splined_radial import SplinedRadial
@@ -28,6 +29,7 @@ MODELS: dict[str, type[CameraModel]] = {
         DoubleSphere,
         SplinedRadial,
         MirrorBall,
+        MirrorBallOffAxis,
         Equirectangular,
     )
 }

@@ -22,6 +22,7 @@ from calibration.models.equisolid import Equisolid
 from calibration.models.extended_unified import ExtendedUnified
 from calibration.models.kannala_brandt import KannalaBrandt
 from calibration.models.mirror_ball import MirrorBall
+from calibration.models.mirror_ball_off_axis import MirrorBallOffAxis
 from calibration.models.ocam import OCam
 from calibration.models.orthographic import Orthographic
 from calibration.models.parameters import parameters, with_parameters
@@ -89,6 +90,12 @@ CASES = {
     "mirror ball, near": Case(MirrorBall(CENTRE, 200.0, 1.5), np.radians(138.0)),
     "mirror ball": Case(MirrorBall(CENTRE, 200.0, 6.0), np.radians(170.0)),
     "mirror ball, far": Case(MirrorBall(CENTRE, 200.0, 1e6), np.radians(179.0)),
+    "mirror ball, off axis": Case(
+        MirrorBallOffAxis(CENTRE, (-150.0, 330.0), 1200.0, 6.0), np.radians(165.0), 0.2
+    ),
+    "mirror ball, oblong pixels": Case(
+        MirrorBallOffAxis(CENTRE, (300.0, 20.0), (900.0, 880.0), 4.0), np.radians(160.0), 0.2
+    ),
     "equirectangular": Case(full_sphere((640, 320)), np.radians(179.9)),
 }
 every_camera = pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
@@ -463,6 +470,8 @@ def test_mirror_ball_is_blind_behind_itself() -> None:
         (lambda: SplinedRadial(CENTRE, 1.0, 2.0, (np.inf,)), "deviations"),
         (lambda: MirrorBall(CENTRE, -1.0, 2.0), "radius_px"),
         (lambda: MirrorBall(CENTRE, 1.0, 1.0), "distance_ratio"),
+        (lambda: MirrorBallOffAxis(CENTRE, CENTRE, 9.0, 1.0), "distance_ratio"),
+        (lambda: MirrorBallOffAxis(CENTRE, (np.nan, 0.0), 9.0, 2.0), "principal_px"),
     ],
 )
 def test_a_lens_that_cannot_be_is_refused(build, named) -> None:

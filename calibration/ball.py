@@ -1,0 +1,141 @@
+"""The calibration of a mirror ball, from its outline in a picture.
+
+Input  : Outline, and the camera's focal length or how far off it was.    Output : BallFit.
+Where a pixel looks depends on where the ball is in the picture and on D/R, the distance of its
+centre over its radius. The size of the outline tells D/R if the focal length is known.
+Fails  : for things near the ball, which it sees from its surface: a thing at the distance d appears
+up to R/d rad beside its place.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.ball_outline import Outline, Pinhole
+from calibration.camera import LEVEL, Calibration
+from calibration.models.mirror_ball import MirrorBall
+from calibration.models.mirror_ball_off_axis import MirrorBallOffAxis
+from calibration.sharpness import pixels_per_rad
+
+Array = NDArray[np.float64]
+
+ASSUMED_RATIO = (20.0, 10.0)
+"""D/R and its standard deviation where nothing tells it: a ball of 10 cm from 1 m, or from 0.5 m,
+or farther off."""
+_WIDEST_PX_RAD = np.radians(5.0)
+"""Angle across one pixel at which the stretched rim ends being a measurement."""
+_AZIMUTHS = 8
+_ANGLES = 720
+
+
+@dataclass(frozen=True, eq=False)
+class BallFit:
+    """A calibrated ball, and how well it is known.
+
+    Attributes
+    ----------
+    calibration : Calibration
+        Valid up to where a pixel spans 5°.
+    angles_rad, deviation_rad : (A,) float64
+        Angles from the direction back to the camera, and the standard deviation of directions
+        there: what outline and D/R leave open, in the worst of eight azimuths.
+    outline : Outline
+    """
+
+    calibration: Calibration
+    angles_rad: Array
+    deviation_rad: Array
+    outline: Outline
+
+    @property
+    def distance_ratio(self) -> float:
+        """Distance of the ball's centre over its radius."""
+        return float(getattr(self.calibration.model, "distance_ratio"))  # noqa: B009
+
+
+def fit_ball(
+    outline: Outline,
+    size_px: tuple[int, int],
+    pinhole: Pinhole,
+    distance_ratio: tuple[float, float] | None = None,
+    R_world_camera: Array = LEVEL,
+) -> BallFit:
+    """Return the calibration of a ball with a known outline.
+
+    Parameters
+    ----------
+    outline
+        From `find_outline` with the same pinhole.
+    size_px
+        (width, height) of the picture.
+    pinhole
+        The camera, or `distant_pinhole`, which tells no distance.
+    distance_ratio
+        D/R and its standard deviation where the pinhole does not tell it; the outline is then
+        taken for a circle about the camera's axis. None to take it from the outline.
+    R_world_camera
+        How the camera stood.
+
+    Raises
+    ------
+    InputError
+        If the distance ratio is not above 1.
+    """
+    cone = np.append(outline.centre_px, outline.half_angle_rad)
+    factor = np.linalg.cholesky(outline.covariance)
+    ratio, ratio_deviation = (None, 0.0) if distance_ratio is None else distance_ratio
+    model = _model(pinhole, cone, ratio)
+    azimuth = 2 * np.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
+    angles = np.linspace(0.0, model.limit_angle_rad, _ANGLES, endpoint=False)[1:]
+    sine, cosine = np.sin(angles)[:, None], np.cos(angles)[:, None]
+    directions = np.stack(
+        [sine * np.cos(azimuth), sine * np.sin(azimuth), -cosine + 0 * azimuth], axis=-1
+    )
+    sharp = (pixels_per_rad(model, directions) * _WIDEST_PX_RAD >= 1).all(axis=1)
+    end = len(angles) if sharp.all() else max(int(np.argmin(sharp)), 1)
+    angles, directions = angles[:end], directions[:end]
+
+    pixels, _ = model.project(directions)
+    changed = [_model(pinhole, cone + step, ratio) for step in factor.T]
+    if ratio is not None:
+        changed.append(_model(pinhole, cone, ratio + ratio_deviation))
+    squares = np.zeros(pixels.shape[:-1])
+    for other in changed:
+        moved, _ = other.unproject(pixels)
+        # The frames differ by how the camera has to turn to look at the ball.
+        moved = moved @ (_camera_ball(model).T @ _camera_ball(other)).T
+        squares += np.sum((moved - directions) ** 2, axis=-1)
+    deviation = np.sqrt(np.nan_to_num(squares, nan=np.pi**2).max(axis=1))
+    calibration = Calibration(
+        model, size_px, float(angles[-1]), R_world_camera @ _camera_ball(model)
+    )
+    return BallFit(calibration, angles, deviation, outline)
+
+
+def pose(yaw_rad: float, pitch_rad: float, roll_rad: float) -> Array:
+    """Return R_world_camera of a camera at the ball.
+
+    Level and looking along +Z, it is rolled clockwise, as seen from behind it, then pitched up,
+    then turned to the left as seen from above: toward +X.
+    """
+    cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
+    yaw = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
+    cosine, sine = np.cos(pitch_rad), np.sin(pitch_rad)
+    pitch = np.array([[1, 0, 0], [0, cosine, sine], [0, -sine, cosine]])
+    cosine, sine = np.cos(roll_rad), np.sin(roll_rad)
+    roll = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
+    return yaw @ pitch @ LEVEL @ roll
+
+
+def _model(pinhole: Pinhole, cone: Array, ratio: float | None) -> MirrorBall | MirrorBallOffAxis:
+    centre = (float(cone[0]), float(cone[1]))
+    if ratio is not None:
+        return MirrorBall(centre, float(pinhole.focal_px * np.tan(cone[2])), ratio)
+    return MirrorBallOffAxis(
+        centre, pinhole.principal_px, pinhole.focal_px, float(1.0 / np.sin(cone[2]))
+    )
+
+
+def _camera_ball(model: MirrorBall | MirrorBallOffAxis) -> Array:
+    return model.R_camera_ball if isinstance(model, MirrorBallOffAxis) else np.eye(3)
