@@ -75,4 +75,4 @@ def calibrate_lens(
         pictures = {path.name: path for path in images if names.count(path.name) == 1}
         for line in write_report(report, output.name, evidence, pictures, force=force):
             print(line)
-    print(f"{output}: {fit.calibration.model.name} lens, {len(views)} views")
+    print(f"{output}: {fit.calibration.model.name} lens, {len(fit.views)} views")
