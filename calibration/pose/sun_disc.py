@@ -28,8 +28,9 @@ _CANDIDATES = 8
 _RIVAL_SHARE = 0.3
 """Of the area: smaller ones are reflections in the lens."""
 
-_LEAST_ROUNDNESS = 0.5
-"""Of the area to that of the circle with its greatest radius; 0.64 is a square's."""
+_LEAST_ROUNDNESS = 0.75
+"""Share of a patch inside the circle of its area about its middle: 0.91 of a square, 0.8 of an
+ellipse twice as long as wide; rays that the aperture's blades make take little from it."""
 
 _LEAST_RISE = 0.15
 _LARGEST_SHIFT = 0.25
@@ -72,11 +73,11 @@ def find_sun(
     top = float(level.max())
     if top <= 0:
         return NoSun("the picture is black")
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(
+    _, labels, stats, centroids = cv2.connectedComponentsWithStats(
         (level >= _CORE * top).astype(np.uint8), connectivity=8
     )
     areas = stats[:, cv2.CC_STAT_AREA]
-    largest_first = 1 + np.argsort(-areas[1:], kind="stable")[:_CANDIDATES]
+    largest_first = _separate(1 + np.argsort(-areas[1:], kind="stable"), areas, centroids)
     if areas[largest_first[0]] > _LARGEST_SHARE * np.count_nonzero(seen):
         return NoSun("what is brightest is too large for the sun: cloud, or exposed too long")
     judged = [(_disc(level, seen, top, labels, core), areas[core]) for core in largest_first]
@@ -86,6 +87,21 @@ def find_sun(
     if len(suns) > 1 and suns[1][1] > max(_RIVAL_SHARE * suns[0][1], _FEW_PIXELS):
         return NoSun("two bright patches could be the sun")
     return suns[0][0]
+
+
+def _separate(cores: NDArray[np.intp], areas: MatLike, centroids: MatLike) -> list[int]:
+    """Return the first of `cores`, largest first, without those in the glare of a larger one."""
+    separate: list[int] = []
+    for core in map(int, cores[: 4 * _CANDIDATES]):
+        away = np.linalg.norm(centroids[separate] - centroids[core], axis=-1)
+        if np.all(away > _reach(areas[separate])):
+            separate.append(core)
+    return separate[:_CANDIDATES]
+
+
+def _reach(area: MatLike | int) -> NDArray[np.float64]:
+    """Return how far, in pixels, the glare of bright patches is looked at."""
+    return np.asarray(np.ceil(4 * np.sqrt(np.divide(area, np.pi)) + 6))
 
 
 def _disc(
@@ -99,15 +115,15 @@ def _disc(
     rows, columns = np.nonzero(labels == core)
     x, y = columns.mean(), rows.mean()
     area = len(rows)
-    reach = int(np.ceil(4 * np.sqrt(area / np.pi) + 6))
+    reach = int(_reach(area))
     left, upper = max(round(x) - reach, 0), max(round(y) - reach, 0)
     window = (slice(upper, round(y) + reach + 1), slice(left, round(x) + reach + 1))
     near_rows, near_columns = np.indices(level[window].shape)
     distance = np.hypot(near_columns + left - x, near_rows + upper - y)
     if np.count_nonzero(seen[window] & (distance <= reach / 2)) < 0.7 * reach**2:
         return NoSun("it is cut off by the rim of what the lens shows")
-    extent = np.hypot(columns - x, rows - y).max() + 0.5
-    if area >= _FEW_PIXELS and area < _LEAST_ROUNDNESS * np.pi * extent**2:
+    round_part = np.count_nonzero(np.hypot(columns - x, rows - y) <= np.sqrt(area / np.pi))
+    if area >= _FEW_PIXELS and round_part < _LEAST_ROUNDNESS * area:
         return NoSun("what is brightest is not round: cloud")
     near = level[window].astype(np.float64)
     inside = distance <= reach

@@ -1,6 +1,7 @@
 """A camera's pose from the sun: its positions, its disc in pictures, and its path."""
 
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calibration.camera import UP
+from calibration.models.equidistant import Equidistant
 from calibration.pose.sun_disc import NoSun, SunDisc, find_sun
 from calibration.pose.sun_position import celestial_pole, sun_directions
 from calibration.pose.sun_track import clock_error, pose_by_sun
+from capture.camera_files import read_camera_file
 from capture.errors import InputError
 from tests.calibration.sun_skies import FULL, LENS, add_cloud, camera, sky
 
@@ -210,3 +213,31 @@ def test_a_wrong_focal_length_is_seen_in_the_residuals() -> None:
     wrong: Any = type(LENS)(LENS.centre_px, 1.05 * 95.0)
     with pytest.raises(InputError, match=r"not this lens's|on one path"):
         pose_by_sun(wrong.unproject(pixels)[0], SUN, SIGMA_RAD)
+
+
+DATA = Path(__file__).resolve().parents[2].parent / "shared/data/seq-vali-sky"
+
+
+@pytest.mark.data
+@pytest.mark.skipif(not DATA.is_dir(), reason="../shared/data is not here")
+def test_a_real_camera_sees_the_sun_on_its_path() -> None:
+    # Wherever the camera stands: a place is a rotation. Its pictures are mirrored (morning is on
+    # the right, noon at the bottom) and its lens is about equidistant, 280 px a radian.
+    grid = np.stack(np.meshgrid(np.arange(880), np.arange(880)), axis=-1)
+    seen = np.hypot(*np.moveaxis(grid - 439.5, -1, 0)) < 430
+    pixels, moments = [], []
+    for path in sorted(DATA.rglob("ikarus_*.jpg")):
+        found = find_sun(read_camera_file(path).counts.min(axis=2).astype(np.float32), 250.0, seen)
+        if isinstance(found, SunDisc):
+            pixels.append(found.centre_px)
+            moment = datetime.strptime(path.name[7:26], "%Y-%m-%dT%H-%M-%S").replace(tzinfo=UTC)
+            moments.append(moment.timestamp())
+    assert len(pixels) == 7  # of eight; in one the sun shines through drops on the dome
+    lens = Equidistant((439.5, 439.5), 280.0)
+    sun = sun_directions(np.array(moments), LATITUDE_RAD, LONGITUDE_RAD)
+    upright = np.array(pixels) * [-1, 1] + [879, 0]
+    pose = pose_by_sun(lens.unproject(upright)[0], sun, SIGMA_RAD)
+    assert pose.kept.all()
+    assert np.degrees(pose.rms_rad) < 0.9
+    with pytest.raises(InputError, match=r"mirrored|on one path"):
+        pose_by_sun(lens.unproject(np.array(pixels))[0], sun, SIGMA_RAD)
