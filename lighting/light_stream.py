@@ -16,7 +16,7 @@ from lighting.budget import FIRST_COUNT, FRAMES, next_count
 from lighting.environment import EnvironmentMap
 from lighting.light_set import LightSet
 from lighting.methods import adaptive
-from lighting.reduce import ADAPTIVE, most_block_rows, reduce_next
+from lighting.reduce import ADAPTIVE, check_request, most_block_rows, reduce_next
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,7 @@ class LightPlan:
     is_steady: bool = True
 
     def __post_init__(self) -> None:
+        check_request(self.count, self.method, self.error)
         if self.budget_ms is None:
             return
         if not 0 < self.budget_ms < float("inf"):

@@ -5,7 +5,7 @@ A method is a function of an environment map and a count that returns directions
 Methods that need no more of a map than its block sums also take those, wherever they come from.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,6 +87,18 @@ def most_block_rows(count: int, method: str = ADAPTIVE, error: float | None = No
     return block_rows(count, error) if method == ADAPTIVE else MOST_ROWS
 
 
+def check_request(count: int, method: str, error: float | None) -> None:
+    """Raise InputError unless there is such a method, and it can be asked for that."""
+    if method not in METHODS:
+        raise InputError(f"no method is called {method!r}; there are: {', '.join(METHODS)}")
+    if not 1 <= count <= MOST_LIGHTS:
+        raise InputError(f"the number of lights must be 1 to {MOST_LIGHTS}, got {count}")
+    if error is not None and not 0 < error < 1:
+        raise InputError(f"the error to be met must be between 0 and 1, got {error:g}")
+    if error is not None and method != ADAPTIVE:
+        raise InputError(f"only the {ADAPTIVE} method can be asked for an error, not {method!r}")
+
+
 def reduce_to_lights(
     view: EnvironmentMap | BlockSums,
     count: int,
@@ -147,17 +159,12 @@ def reduce_next(
     InputError
         As `reduce_to_lights`.
     """
-    if not 1 <= count <= MOST_LIGHTS:
-        raise InputError(f"the number of lights must be 1 to {MOST_LIGHTS}, got {count}")
-    if error is not None and not 0 < error < 1:
-        raise InputError(f"the error to be met must be between 0 and 1, got {error:g}")
-    if error is not None and method != ADAPTIVE:
-        raise InputError(f"only the {ADAPTIVE} method can be asked for an error, not {method!r}")
+    check_request(count, method, error)
     is_map = isinstance(view, EnvironmentMap)
-    known: Iterable[str] = METHODS if is_map else BLOCK_METHODS
-    if method not in known:
-        kind = "method" if is_map else "method for block sums"
-        raise InputError(f"no {kind} is called {method!r}; there are: {', '.join(known)}")
+    if not is_map and method not in BLOCK_METHODS:
+        raise InputError(
+            f"no method for block sums is called {method!r}; there are: {', '.join(BLOCK_METHODS)}"
+        )
 
     if method == ADAPTIVE:
         blocks, grid = _blocks_of(view, block_rows(count, error))

@@ -247,7 +247,16 @@ def test_a_replay_that_is_stopped_leaves_only_whole_files(
 ) -> None:
     output = tmp_path / "out"
     child = subprocess.Popen(
-        [*FISHLIGHT, "replay", str(short_recording), "-o", str(output), *SMALL[:4]],
+        [
+            *FISHLIGHT,
+            "replay",
+            str(short_recording),
+            "-o",
+            str(output),
+            *SMALL[:4],
+            "--size",
+            "320x240",
+        ],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
