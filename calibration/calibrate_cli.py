@@ -3,6 +3,7 @@
 from cyclopts import App
 
 from calibration.ball_cli import calibrate_ball
+from calibration.colour_cli import calibrate_colour
 from calibration.formats_cli import export_calibration, import_calibration
 from calibration.lens_cli import calibrate_lens
 from calibration.response_cli import calibrate_response
@@ -17,6 +18,7 @@ calibrate_app = App(
 calibrate_app.command(calibrate_lens, name="lens")
 calibrate_app.command(calibrate_ball, name="ball")
 calibrate_app.command(calibrate_response, name="response")
+calibrate_app.command(calibrate_colour, name="colour")
 calibrate_app.command(calibrate_sun, name="sun")
 calibrate_app.command(calibrate_up, name="up")
 calibrate_app.command(calibrate_vignetting, name="vignetting")
