@@ -91,11 +91,11 @@ def fit_colours(measured: Array, true: Array, neutrals: slice, old_matrix: Array
     is_neutral[neutrals] = True
     matrices, errors = [], []
     for fit in forms.values():
-        matrices.append(_weighted(fit, measured, true, is_neutral))
+        matrices.append(fit(measured, true, is_neutral))
         predicted = np.empty_like(true)
         for left_out in range(len(true)):
             kept = np.arange(len(true)) != left_out
-            matrix = _weighted(fit, measured[kept], true[kept], is_neutral[kept])
+            matrix = fit(measured[kept], true[kept], is_neutral[kept])
             predicted[left_out] = measured[left_out] @ matrix.T
         errors.append(difference(predicted, true))
     mean = np.array([each.mean() for each in errors])
@@ -126,15 +126,6 @@ def difference(colours: Array, true: Array) -> Array:
     to_xyz = rgb_to_xyz(REC709)
     lab, true_lab = (XYZ_to_Lab(each @ to_xyz.T, REC709[3]) for each in (colours, true))
     return np.asarray(delta_E(lab, true_lab, method="CIE 2000"), np.float64)
-
-
-def _weighted(fit: _Form, measured: Array, true: Array, neutral: NDArray[np.bool_]) -> Array:
-    """Return the matrix of a fit to which an error in a dark patch is as bad as in a bright one.
-
-    That is, one of lightness: the slope of CIE L* falls with Y^(2/3).
-    """
-    weights = np.maximum(true @ _LUMINANCE, 1e-3)[:, None] ** (-2 / 3)
-    return fit(weights * measured, weights * true, neutral)
 
 
 def _diagonal(measured: Array, true: Array, _: NDArray[np.bool_]) -> Array:

@@ -154,6 +154,9 @@ def test_from_a_photograph_to_a_sensor(tmp_path: Path, capsys: pytest.CaptureFix
     np.testing.assert_allclose(seen / seen.mean(), true / true.mean(), atol=0.02)
     content = msgspec.json.decode(output.read_bytes())
     assert content["delta_e"] < 0.5 < content["delta_e_before"]
+    again = tmp_path / "again.json"  # the matrix that the sensor had before does not matter
+    calibrate_colour(photograph, output=again, corners=corners, exposures="0.01", response=output)
+    np.testing.assert_allclose(read_sensor(again).colour_matrix, matrix)
     for flags, message in (
         ({"light": "sunny"}, "--light: wanted"),
         ({"light": "0.9,0.9"}, "no light's"),
