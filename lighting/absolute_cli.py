@@ -44,6 +44,7 @@ def scale(
     luminance_cd_m2: float | None = None,
     grey_card: float | None = None,
     illuminance_lx: float | None = None,
+    cd_m2_per_unit: float | None = None,
     direction: str | None = None,
     pixel: str | None = None,
     calibration: Path | None = None,
@@ -57,6 +58,7 @@ def scale(
     Give one of: a spot's luminance (--luminance-cd-m2); a grey card (--grey-card 0.18) and the
     illuminance on it (--illuminance-lx); or an illuminance meter's reading (--illuminance-lx) and
     which way it faced. Spot and card lie at --direction, or at --pixel of the camera's picture.
+    What is found holds for other maps of the same camera, lens and response (--cd-m2-per-unit).
 
     Parameters
     ----------
@@ -70,6 +72,8 @@ def scale(
         The card's reflectance, from 0 to 1.
     illuminance_lx
         What an illuminance meter showed.
+    cd_m2_per_unit
+        What another map of this camera was found to have.
     direction
         X,Y,Z in the world.
     pixel
@@ -93,8 +97,12 @@ def scale(
             raise InputError("--grey-card needs --illuminance-lx, of the light on it, alone")
         luminance_cd_m2 = grey_card_luminance(grey_card, illuminance_lx)
         illuminance_lx = None
-    if (luminance_cd_m2 is None) == (illuminance_lx is None):
-        raise InputError("give either --luminance-cd-m2, or --illuminance-lx")
+    given = [luminance_cd_m2, illuminance_lx, cd_m2_per_unit]
+    if sum(each is not None for each in given) != 1:
+        raise InputError(
+            "give one of --luminance-cd-m2, --illuminance-lx (with --grey-card or without), and "
+            "--cd-m2-per-unit"
+        )
     note = ""
     if luminance_cd_m2 is not None:
         towards = _direction_of_spot(direction, pixel, calibration)
@@ -102,11 +110,12 @@ def scale(
             world, towards, np.radians(radius_deg), luminance_cd_m2
         )
         note = f"; the spot varies by {unevenness:.1%}"
-    else:
-        assert illuminance_lx is not None
+    elif illuminance_lx is not None:
         factor = scale_from_illuminance(
             world, _parse_facing(facing), illuminance_lx, clipped_were_shaded=clipped_were_shaded
         )
+    elif cd_m2_per_unit is not None:
+        factor = cd_m2_per_unit
     absolute = in_cd_m2(world, factor)
     write_environment(output, absolute, force=force)
     print(f"{output}: {factor:.6g} cd/m² per unit{note}")

@@ -267,13 +267,17 @@ def test_from_files_to_a_recovered_sun(tmp_path: Path, capsys: pytest.CaptureFix
     card = tmp_path / "card.exr"
     scale(relative, output=card, grey_card=0.18, illuminance_lx=1000, direction="0,1,0")
     assert "57.2958 cd/m² per unit" in capsys.readouterr().out  # 180/π
+    scale(relative, output=card, cd_m2_per_unit=57.2958, force=True)
+    assert "horizontal, down: 180 lx" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
     ("flags", "message"),
     [
-        ({}, "give either --luminance-cd-m2"),
-        ({"luminance_cd_m2": 1.0, "illuminance_lx": 1.0}, "give either"),
+        ({}, "give one of --luminance-cd-m2"),
+        ({"luminance_cd_m2": 1.0, "illuminance_lx": 1.0}, "give one of"),
+        ({"luminance_cd_m2": 1.0, "cd_m2_per_unit": 1.0}, "give one of"),
+        ({"cd_m2_per_unit": -1.0}, "must be positive"),
         ({"luminance_cd_m2": 1.0}, "--direction X,Y,Z or --pixel"),
         ({"luminance_cd_m2": 1.0, "pixel": "1,2"}, "needs the --calibration"),
         ({"luminance_cd_m2": 1.0, "direction": "1,2"}, "wanted 3 numbers"),
