@@ -35,11 +35,14 @@ from render.transport_kernel import TILE, add_transported, place, trace_transpor
 Array = NDArray[np.float64]
 
 NARROW_LIGHTS = 8
-"""Lights no wider than two cells, the strongest first, that keep shadows of their own."""
+NARROW_SHARE = 0.02
+"""Lights no wider than two cells that give at least this share of the light keep shadows of their
+own, the strongest first and no more than so many."""
 
 _OFFSET = 1e-4  # of the casters' radius: rays start that far off their surface
 _CELL_RAYS_SIDE = 2  # rays per cell and sample, per axis
-_DISC_RAYS = 16
+_DISC_RAYS = (4, 16)
+_DISC_RAYS_PER_RAD = 140.0  # 4 for the sun, 16 from a radius of 5° on
 _STILL = 0.25  # of a narrow light's radius: it moves by less without being traced anew
 _STILL_LEAST_RAD = 1e-3
 _GLOSS_LEAST_ALPHA2 = 0.1**2  # a lobe as wide as the points of a cell are apart
@@ -149,10 +152,11 @@ class BakedRenderer:
 
     def _narrow_lights(self, irradiance: Array, radius_rad: Array) -> NDArray[np.bool_]:
         """Return which lights (K,) keep shadows of their own."""
-        power = irradiance @ _LUMINANCE * (radius_rad < self._cells.width_rad)
-        chosen = np.argsort(-power, kind="stable")[:NARROW_LIGHTS]
+        power = irradiance @ _LUMINANCE
+        strong = (power >= NARROW_SHARE * power.sum()) & (radius_rad < self._cells.width_rad)
+        chosen = np.argsort(-power * strong, kind="stable")[:NARROW_LIGHTS]
         narrow = np.zeros(len(power), np.bool_)
-        narrow[chosen] = power[chosen] > 0
+        narrow[chosen] = strong[chosen]
         return narrow
 
     def _remember(self, directions: Array, irradiance: Array, radius_rad: Array) -> None:
@@ -163,7 +167,8 @@ class BakedRenderer:
             same = (each for each in before if each.is_near(direction, radius, still_rad))
             found = next(same, None)
             if found is None:
-                transport = self._trace(disc_points(direction, radius, _DISC_RAYS)[None])
+                rays = int(np.clip(_DISC_RAYS[0] + _DISC_RAYS_PER_RAD * radius, *_DISC_RAYS))
+                transport = self._trace(disc_points(direction, radius, rays)[None])
                 found = _Narrow(direction, float(radius), power, transport)
             self._narrow.append(replace(found, irradiance=power))
 

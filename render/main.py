@@ -17,6 +17,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # cores busy for milliseconds after each, while the next bracket is decoded. Read once, when
     # numba first starts its threads.
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+    # For the same reason: a frame's matrices are small, and one thread multiplies them as fast.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         from cyclopts import CycloptsError
 
