@@ -3,6 +3,7 @@
 COMMANDS: tuple[tuple[str, str], ...] = (
     ("lighting.simulate_cli:simulate", "simulate"),
     ("lighting.remap_cli:remap", "remap"),
+    ("lighting.combine_cli:combine", "combine"),
     ("lighting.absolute_cli:scale", "scale"),
     ("lighting.absolute_cli:recover", "recover"),
     ("lighting.absolute_cli:illuminance", "illuminance"),

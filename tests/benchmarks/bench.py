@@ -69,6 +69,7 @@ def main() -> None:
     parser.add_argument("--output", type=Path, default=HERE)
     arguments = parser.parse_args()
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # as render/main.py does
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
     results: dict[str, Any] = {
         "date": datetime.date.today().isoformat(),

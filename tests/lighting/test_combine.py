@@ -1,0 +1,111 @@
+"""Two pictures of a mirror ball become one map without a camera and without a blind spot."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibration.ball import pose
+from calibration.camera import Calibration
+from calibration.files import write_calibration
+from calibration.models.mirror_ball import MirrorBall
+from capture.errors import InputError
+from capture.radiance import RadianceImage
+from capture.radiance_files import write_radiance
+from lighting.combine import View, align_views, combine_views
+from lighting.combine_cli import combine
+from lighting.environment_files import read_environment
+from lighting.latlong import cell_directions, solid_angles
+from tests.calibration.ball_pictures import room
+
+BALL = MirrorBall((119.5, 119.5), 117.0, 8.0)
+VALID = np.radians(165)
+HEIGHT = 48
+OPERATOR = np.radians(8)
+FLIP = np.array([1.0, -1.0, 1.0])  # the room is drawn with +y down
+
+
+def photographed(true_pose: np.ndarray, operator: float = OPERATOR) -> RadianceImage:
+    """The room in the ball, and someone bright green who holds the camera."""
+    camera = Calibration(BALL, (240, 240), VALID, true_pose)
+    grid = np.stack(np.meshgrid(np.arange(240), np.arange(240)), axis=-1)
+    radiance = np.zeros((240, 240, 3))
+    for shift in ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)):
+        seen, valid = camera.unproject(grid + np.array(shift))
+        shown = room(np.where(valid[..., None], seen, 1.0) * FLIP)
+        shown[camera.axis_angle(seen) < operator] = (0.0, 30.0, 0.0)
+        radiance += np.where(valid[..., None], shown, 0.0) / 4
+    plane = np.ones((240, 240), bool)
+    return RadianceImage(radiance, np.zeros((240, 240, 3)), plane, ~plane)
+
+
+def camera(R_world_camera: np.ndarray) -> Calibration:
+    return Calibration(BALL, (240, 240), VALID, R_world_camera)
+
+
+TRUE = [pose(0.3, -0.1, 0.02), pose(0.3 - np.pi / 2 + 0.05, -0.06, -0.03)]
+PICTURES = [photographed(each) for each in TRUE]
+
+
+def test_the_turn_is_found_without_knowing_the_yaw() -> None:
+    views = [View(PICTURES[0], camera(TRUE[0])), View(PICTURES[1], camera(pose(2.0, 0.0, 0.0)))]
+    aligned, turns = align_views(views, 1.3 * OPERATOR)
+    np.testing.assert_array_equal(aligned[0].calibration.R_world_camera, TRUE[0])
+    off = aligned[1].calibration.R_world_camera @ TRUE[1].T
+    assert np.degrees(np.arccos(np.clip((np.trace(off) - 1) / 2, -1, 1))) < 0.3
+    assert turns[0].correlation > 0.9
+
+
+def test_neither_camera_nor_blind_spot_remains() -> None:
+    views = [View(each, camera(stood)) for each, stood in zip(PICTURES, TRUE, strict=True)]
+    both = combine_views(views, HEIGHT, 1.3 * OPERATOR)
+    assert both.valid.all()
+    truth = room(cell_directions(HEIGHT) * FLIP)
+    assert np.median(np.abs(both.radiance / truth - 1)) < 0.03
+    np.testing.assert_allclose(both.integral(), solid_angles(HEIGHT) @ truth.sum(axis=1), rtol=0.03)
+    green = both.radiance[..., 1] > 3 * both.radiance[..., 0]
+    assert not green.any()
+    # One picture alone has both: the weakness is there.
+    alone = combine_views(views[:1], HEIGHT)
+    assert not alone.valid.all()
+    assert (alone.radiance[..., 1] > 3 * alone.radiance[..., 0]).any()
+    hidden = combine_views(views[:1], HEIGHT, 1.3 * OPERATOR)
+    assert hidden.seen_share < alone.seen_share
+
+
+def test_equal_light_stays_equal_and_marks_travel() -> None:
+    plane = np.ones((240, 240), bool)
+    ones = np.full((240, 240, 3), 2.0)
+    even = RadianceImage(ones, np.zeros_like(ones), plane, ~plane)
+    full = RadianceImage(ones, np.zeros_like(ones), plane, plane)
+    result = combine_views([View(even, camera(TRUE[0])), View(full, camera(TRUE[1]))], HEIGHT)
+    np.testing.assert_allclose(result.radiance, 2.0, rtol=1e-5)
+    assert result.clipped.any()
+    assert not result.clipped.all()
+
+
+def test_pictures_of_two_places_are_refused() -> None:
+    rng = np.random.default_rng(2)
+    noise = np.exp(rng.standard_normal((240, 240, 3)))
+    plane = np.ones((240, 240), bool)
+    other = RadianceImage(noise, np.zeros_like(noise), plane, ~plane)
+    with pytest.raises(InputError, match="does not fit"):
+        align_views([View(PICTURES[0], camera(TRUE[0])), View(other, camera(TRUE[1]))])
+
+
+def test_the_command_makes_a_map(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    radiance = [tmp_path / "a.exr", tmp_path / "b.exr"]
+    calibrations = [tmp_path / "a.json", tmp_path / "b.json"]
+    for index in range(2):
+        write_radiance(radiance[index], PICTURES[index])
+        write_calibration(calibrations[index], camera(TRUE[index]))
+    output = tmp_path / "map.exr"
+    combine(radiance, calibration=calibrations, output=output, height=32, hide_deg=10.0)
+    told = capsys.readouterr().out
+    assert "turned by 0.0" in told  # their poses were right
+    assert "100.0% of all directions" in told
+    assert read_environment(output)[0].height == 32
+    with pytest.raises(InputError, match="2 pictures and 3 calibrations"):
+        combine(radiance, calibration=[calibrations[0]] * 3, output=tmp_path / "c.exr")
+    with pytest.raises(InputError, match="--hide-deg"):
+        combine(radiance, calibration=calibrations, output=tmp_path / "c.exr", hide_deg=-1.0)
