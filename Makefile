@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DEMO := demo-output
 
-.PHONY: help setup guest demo test test-camera fuzz check bench recordings lock clean
+.PHONY: help setup guest demo test test-slow test-camera fuzz check bench recordings lock clean
 
 help: ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 14
@@ -23,8 +23,11 @@ demo: setup ## replay the bundled recording: lights, maps, pictures and a video 
 	$(BIN)/fishlight replay recordings/outdoor -o $(DEMO) --count 64 --force
 	@echo "Look at $(DEMO)/video.mp4, $(DEMO)/pictures/, $(DEMO)/maps/ and $(DEMO)/lights/."
 
-test: setup ## the whole test suite, on two processes
-	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder -q
+test: setup ## the tests, on two processes; test-slow has the longest
+	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder -q -m "not slow"
+
+test-slow: setup ## the few tests that take longer than ten seconds
+	$(BIN)/python -m pytest -n 2 -q -m slow
 
 test-camera: setup guest ## the camera's tests on real kernel drivers, vivid's injected faults included
 	FISHLIGHT_REQUIRE_GUEST=1 $(BIN)/python -m pytest -q tests/camera \

@@ -134,6 +134,7 @@ def test_two_views_are_refused_with_what_became_of_the_others() -> None:
         fit_lens(BOARD, [])
 
 
+@pytest.mark.slow
 def test_boards_near_the_centre_limit_the_angle() -> None:
     """Row C2."""
     near = fit_lens(BOARD, views_of(6, most_angle_rad=np.deg2rad(45), most_tilt_rad=0.7))

@@ -103,7 +103,8 @@ def test_calibrating_writes_the_report_from_the_pictures_it_was_given(
     record, calibration, _ = known_record([(0, 0), (40, 200), (50, 90)], names=names)
     monkeypatch.setattr("calibration.detection_files.detect_views", lambda *_: [])
     monkeypatch.setattr(
-        "calibration.lens.fit.fit_lens", lambda *_: SimpleNamespace(calibration=calibration)
+        "calibration.lens.fit.fit_lens",
+        lambda *_: SimpleNamespace(calibration=calibration, views=()),
     )
     monkeypatch.setattr("calibration.lens.record.record_of", lambda _: record)
     (tmp_path / "other").mkdir()

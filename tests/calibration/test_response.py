@@ -24,6 +24,7 @@ from tests.calibration.response_scenes import (
 )
 
 
+@pytest.mark.slow
 def test_the_deviation_covers_the_true_curve_as_often_as_it_says():
     inside, total = 0, 0
     for seed in range(2):

@@ -92,6 +92,7 @@ def met(views):
     return np.array(is_met), np.array(was_met)
 
 
+@pytest.mark.slow
 def test_errors_are_met_on_made_maps():
     is_met, was_met = met(made_maps())
     assert is_met.mean() >= 0.85
