@@ -68,6 +68,7 @@ def main() -> None:
     parser.add_argument("--stages", nargs="*", choices=STAGES, default=STAGES)
     parser.add_argument("--output", type=Path, default=HERE)
     arguments = parser.parse_args()
+    arguments.output.mkdir(parents=True, exist_ok=True)
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # as render/main.py does
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
