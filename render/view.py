@@ -3,7 +3,10 @@
 Only pictures for people go through this; files of radiance do not.
 """
 
+from functools import cache
+
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from capture.sensor import srgb_encode
@@ -12,6 +15,8 @@ from lighting.environment import luminance
 MIDDLE_GREY = 0.18
 SHOULDER = 0.8
 """Linear value up to which the view is exact."""
+
+_INDEX_SHIFT = 15  # of a float32's bits: exponent and eight bits of the fraction are left
 
 
 def to_display(radiance: NDArray[np.floating], exposure_ev: float) -> NDArray[np.uint8]:
@@ -30,8 +35,60 @@ def to_display(radiance: NDArray[np.floating], exposure_ev: float) -> NDArray[np
         Exact up to 0.8 linear; above, `roll_off` in each channel by itself, so that highlights
         turn white.
     """
-    exposed = radiance[..., :3].astype(np.float32) * np.float32(2.0**exposure_ev)
-    return np.rint(255 * srgb_encode(roll_off(exposed))).astype(np.uint8)
+    values = np.ascontiguousarray(radiance, np.float32)
+    shown = np.empty((*values.shape[:2], 3), np.uint8)
+    _encode(values, np.float32(2.0**exposure_ev), *_code_tables(), shown)
+    return shown
+
+
+def _code(linear: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Return what `to_display` shows for exposed values, without its tables."""
+    return np.rint(255 * srgb_encode(roll_off(linear)))
+
+
+@cache
+def _code_tables() -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """Return the code at the lower end of each run of float32 numbers, and where codes begin.
+
+    The codes are not decreasing, so that the bits of the first number with code 1, 2, … 255 are
+    found by halving. The last beginning is NaN: no number passes it.
+    """
+    codes = np.arange(1, 256)
+    below, first = np.zeros(255, np.uint32), np.full(255, np.float32(np.inf).view(np.uint32))
+    while np.any(first - below > 1):
+        middle = below + (first - below) // 2
+        reached = _code(middle.view(np.float32).astype(np.float64)) >= codes
+        first, below = np.where(reached, middle, first), np.where(reached, below, middle)
+    begins = np.concatenate([[0.0], first.view(np.float32), [np.nan]]).astype(np.float32)
+    lower_ends = (np.arange(1 << (31 - _INDEX_SHIFT), dtype=np.uint32) << _INDEX_SHIFT).view(
+        np.float32
+    )
+    return (np.searchsorted(begins[1:-1], lower_ends, "right")).astype(np.uint8), begins
+
+
+@njit(cache=True, nogil=True)
+def _encode(
+    radiance: NDArray[np.float32],
+    scale: np.float32,
+    codes: NDArray[np.uint8],
+    begins: NDArray[np.float32],
+    shown: NDArray[np.uint8],
+) -> None:  # pragma: no cover - compiled
+    height, width = shown.shape[:2]
+    exposed = np.empty(3 * width, np.float32)
+    bits = exposed.view(np.uint32)
+    for row in range(height):
+        for column in range(width):
+            for channel in range(3):
+                value = scale * radiance[row, column, channel]
+                exposed[3 * column + channel] = value if value > 0 else np.float32(0)  # NaN too
+        for column in range(width):
+            for channel in range(3):
+                at = 3 * column + channel
+                code = codes[bits[at] >> _INDEX_SHIFT]
+                while exposed[at] >= begins[code + 1]:
+                    code += np.uint8(1)
+                shown[row, column, channel] = code
 
 
 def roll_off(linear: NDArray[np.floating]) -> NDArray[np.floating]:
