@@ -1,5 +1,6 @@
 """A map and its lights as a picture for people: where lights sit, what was clipped or unseen."""
 
+from functools import cache
 from typing import Any
 
 import cv2
@@ -106,6 +107,7 @@ def _ring(
     )
 
 
+@cache
 def _hatch(size_px: tuple[int, int]) -> NDArray[np.bool_]:
     width, height = size_px
     rows, columns = np.mgrid[0:height, 0:width]

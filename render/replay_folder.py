@@ -21,6 +21,7 @@ from lighting.environment import EnvironmentMap
 from lighting.environment_files import write_environment
 from lighting.light_files import write_lights
 from lighting.light_set import LightSet
+from render.background_writer import BackgroundWriter
 from render.preview import preview
 from render.video import VideoWriter
 from render.view import auto_exposure_ev, to_display
@@ -47,7 +48,9 @@ def check_output(output: Path, *, force: bool) -> None:
 
 
 class ReplayFolder:
-    """Writes what becomes of each bracket; a context manager, at the end of which the video is.
+    """Writes what becomes of each bracket; a context manager, at the end of which all of it is.
+
+    A thread of its own encodes and writes; an error of it is raised by a later call or at the end.
 
     Parameters
     ----------
@@ -64,6 +67,7 @@ class ReplayFolder:
         self._size_px = size_px
         self._rate_hz = rate_hz
         self._open = ExitStack()
+        self._writer = BackgroundWriter()
         self._video: VideoWriter | None = None
         self._exposure_ev = 0.0
         self._last_picture: NDArray[np.uint8] | None = None
@@ -77,7 +81,10 @@ class ReplayFolder:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self._open.__exit__(kind, error, traceback)
+        closing = ExitStack()
+        closing.push(self._open)
+        closing.push(self._writer)  # ends first: the video that it writes to must hear its errors
+        closing.__exit__(kind, error, traceback)
 
     def write(
         self,
@@ -86,7 +93,23 @@ class ReplayFolder:
         lights: LightSet,
         radiance: NDArray[np.float32],
     ) -> None:
-        """Write the map, the lights and the picture (H, W, 4) of bracket `index`."""
+        """Write the map, the lights and the picture (H, W, 4) of bracket `index`.
+
+        They are written later, and must not change any more.
+        """
+        self._writer.call(lambda: self._write(index, environment, lights, radiance))
+
+    def hold(self) -> None:
+        """Show the last picture for one more bracket, if there is one."""
+        self._writer.call(self._hold)
+
+    def _write(
+        self,
+        index: int,
+        environment: EnvironmentMap,
+        lights: LightSet,
+        radiance: NDArray[np.float32],
+    ) -> None:
         if self._video is None:
             _prepare(self._output)
             # One for all pictures, so that a change of brightness can be seen.
@@ -103,8 +126,7 @@ class ReplayFolder:
         write_lights(self._output / "lights" / f"{name}.json", lights, force=True)
         write_png(self._output / "pictures" / f"{name}.png", picture)
 
-    def hold(self) -> None:
-        """Show the last picture for one more bracket, if there is one."""
+    def _hold(self) -> None:
         if self._video is not None and self._last_picture is not None:
             self._video.write(self._last_picture)
 

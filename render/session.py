@@ -20,8 +20,12 @@ from enum import Enum
 from capture.errors import UnreadableFrame
 from capture.frame import Bracket, FrameSource
 
-QUEUE_LENGTH = 2
-"""Brackets that may wait: enough to overlap decoding with processing, few enough for memory."""
+QUEUE_LENGTH = 1
+"""Brackets that may wait: with the one that is being decoded, enough to overlap that with the rest;
+each one more adds a frame to the latency."""
+
+
+END_TO_END = "end to end"
 
 
 class Policy(Enum):
@@ -56,9 +60,10 @@ class Counters:
 
 @dataclass
 class StageClock:
-    """Milliseconds that each frame spent in each stage.
+    """Milliseconds that each frame spent in each stage, and in all from end to end.
 
-    `frames` holds one {stage: ms} per processed bracket, in order.
+    `frames` holds one {stage: ms} per processed bracket, in order. END_TO_END begins when the
+    bracket's capture does and includes what it waited.
     """
 
     frames: list[dict[str, float]] = field(default_factory=list)
@@ -86,6 +91,7 @@ class StageClock:
 @dataclass(frozen=True)
 class _Delivery:
     bracket: Bracket | UnreadableFrame
+    start_s: float
     decode_ms: float
 
 
@@ -128,6 +134,7 @@ def run_session(
             clock.begin_frame()
             clock.add("decode", delivery.decode_ms)
             process(delivery.bracket, clock, counters)
+            clock.add(END_TO_END, 1e3 * (time.perf_counter() - delivery.start_s))
     finally:
         producer.stop()
         counters.captured, counters.replaced = producer.captured, producer.replaced
@@ -156,7 +163,7 @@ class _Producer(threading.Thread):
                 if bracket is None:
                     break
                 decode_ms = 1e3 * (time.perf_counter() - start_s)
-                if self._put(_Delivery(bracket, decode_ms)):
+                if self._put(_Delivery(bracket, start_s, decode_ms)):
                     self.captured += 1
         except BaseException as error:  # handed to the consumer, which raises it
             self._error = error

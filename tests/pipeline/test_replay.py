@@ -24,6 +24,7 @@ from lighting.light_stream import LightPlan, next_lights
 from lighting.remap import apply_remap, build_remap
 from lighting.source_blocks import apply_source_blocks, build_source_blocks
 from render.main import main
+from render.session import END_TO_END
 
 pytestmark = pytest.mark.gl
 
@@ -166,7 +167,7 @@ def test_a_budget_bounds_the_lights(
 
 def test_timings_name_every_stage_of_every_frame(replayed: Path) -> None:
     timings = json.loads((replayed.parent / "t.json").read_text())
-    stages = ["decode", "merge", "remap", "blocks", "lights", "render", "write"]
+    stages = ["decode", "merge", "remap", "blocks", "lights", "render", "write", END_TO_END]
     assert list(timings["stages"]) == stages
     assert [list(frame) for frame in timings["frames"]] == [stages] * 4
     assert all(ms >= 0 for frame in timings["frames"] for ms in frame.values())

@@ -9,7 +9,7 @@ import pytest
 
 from capture.errors import UnreadableFrame
 from capture.frame import Bracket, Exposure, Frame
-from render.session import QUEUE_LENGTH, Counters, Policy, StageClock, run_session
+from render.session import END_TO_END, QUEUE_LENGTH, Counters, Policy, StageClock, run_session
 
 
 def bracket(index: int) -> Bracket:
@@ -38,7 +38,9 @@ def test_every_bracket_is_processed_in_order_and_timed() -> None:
     assert seen == list(range(20))
     assert counters == Counters(captured=20, merged=20, rendered=20)
     assert len(clock.frames) == 20
-    assert set(clock.frames[0]) == {"decode", "work"}
+    assert set(clock.frames[0]) == {"decode", "work", END_TO_END}
+    for frame in clock.frames:
+        assert frame[END_TO_END] >= frame["decode"] + frame["work"]
     assert no_threads_left()
 
 
