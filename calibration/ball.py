@@ -16,7 +16,10 @@ from calibration.ball_outline import Outline, Pinhole
 from calibration.camera import LEVEL, Calibration
 from calibration.models.mirror_ball import MirrorBall
 from calibration.models.mirror_ball_off_axis import MirrorBallOffAxis
+from calibration.reflectance import straight_reflectance
 from calibration.sharpness import pixels_per_rad
+from capture.errors import InputError
+from capture.radiance import RadianceImage
 
 Array = NDArray[np.float64]
 
@@ -111,6 +114,44 @@ def fit_ball(
         model, size_px, float(angles[-1]), R_world_camera @ _camera_ball(model)
     )
     return BallFit(calibration, angles, deviation, outline)
+
+
+def measure_reflectance(
+    image: RadianceImage, calibration: Calibration, direct_px: Array, mirrored_px: Array
+) -> tuple[float, float, float]:
+    """Return the ball's reflectance from a thing that a picture shows twice.
+
+    Parameters
+    ----------
+    image
+        The picture of the ball, linear.
+    calibration
+        Of the ball in it.
+    direct_px, mirrored_px : (2,) float64
+        Where the thing is seen past the ball and in it. It has to be matt, for the ball sees it
+        from another side, and to cover 5 × 5 pixels about both.
+
+    Raises
+    ------
+    InputError
+        If pixels there are clipped, outside or black, or the ratio is no metal's.
+    """
+    seen = []
+    for name, (x, y) in (("the thing itself", direct_px), ("its reflection", mirrored_px)):
+        rows, columns = slice(round(y) - 2, round(y) + 3), slice(round(x) - 2, round(x) + 3)
+        is_within = min(rows.start, columns.start) >= 0
+        good = (image.valid & ~image.clipped)[rows, columns] if is_within else np.zeros((0, 0))
+        if good.shape != (5, 5) or not good.all():
+            raise InputError(f"{name} at {x:g},{y:g} is clipped, or at the picture's edge")
+        seen.append(np.median(image.radiance[rows, columns].reshape(-1, 3), axis=0))
+        if not np.all(seen[-1] > 0):
+            raise InputError(f"{name} at {x:g},{y:g} is black in a channel")
+    direction, is_seen = calibration.unproject(mirrored_px)
+    if not is_seen:
+        raise InputError(f"{mirrored_px[0]:g},{mirrored_px[1]:g} is not in the ball")
+    incidence_rad = float(calibration.incidence_rad(direction))
+    red, green, blue = straight_reflectance(seen[1] / seen[0], incidence_rad).tolist()
+    return red, green, blue
 
 
 def pose(yaw_rad: float, pitch_rad: float, roll_rad: float) -> Array:

@@ -1,5 +1,6 @@
 """`fishlight calibrate ball`: where a mirror ball is in a picture, and what it shows where."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,7 +13,7 @@ from capture.output import refuse_existing
 from capture.radiance_files import read_radiance
 
 if TYPE_CHECKING:
-    from calibration.ball import BallFit
+    from calibration.ball import Array, BallFit
     from calibration.ball_outline import Pinhole
 
 
@@ -27,6 +28,8 @@ def calibrate_ball(
     yaw_deg: float = 0.0,
     pitch_deg: float = 0.0,
     roll_deg: float = 0.0,
+    reflectance: str = "",
+    seen_twice: str = "",
     force: Annotated[bool, Parameter(negative=())] = False,
 ) -> None:
     """Calibrate a mirror ball from a picture of it.
@@ -56,12 +59,20 @@ def calibrate_ball(
         How far it looked up.
     roll_deg
         How far it was tilted clockwise, as seen from behind it.
+    reflectance
+        Shares r,g,b of the light falling straight on the ball that it reflects, such as
+        0.55,0.56,0.55 of chrome. What it shows is divided by them, more at the rim by Fresnel's
+        law; without it, the ball is taken to reflect all.
+    seen_twice
+        Instead of --reflectance: pixels "x,y x,y" of a matt thing that the picture shows past the
+        ball and in it, far from the ball over its radius.
     force
         Replace the output if it exists.
     """
     # Here, so that no other command waits for scipy.
-    from calibration.ball import ASSUMED_RATIO, fit_ball, pose
+    from calibration.ball import ASSUMED_RATIO, fit_ball, measure_reflectance, pose
     from calibration.ball_outline import Pinhole, distant_pinhole, find_outline
+    from calibration.ball_record import ball_record
     from calibration.files import write_calibration
 
     refuse_existing(output, force=force)
@@ -71,6 +82,8 @@ def calibrate_ball(
         raise InputError("--principal goes with --focal-px")
     if focal_px is not None and not focal_px > 0:
         raise InputError(f"--focal-px must be positive, got {focal_px}")
+    if reflectance and seen_twice:
+        raise InputError("give --reflectance or --seen-twice, not both: each tells the other")
     image, cleaned = read_radiance(radiance)
     pinhole = distant_pinhole(image.size_px)
     ratio = None
@@ -86,7 +99,14 @@ def calibrate_ball(
         raise InputError(f"{radiance}: {error}") from None
     stood = pose(*np.radians([yaw_deg, pitch_deg, roll_deg]))
     fit = fit_ball(outline, image.size_px, pinhole, ratio, stood)
-    write_calibration(output, fit.calibration, force=force)
+    shares: tuple[float, ...] = ()
+    if reflectance:
+        shares = _numbers("--reflectance", reflectance, "r,g,b")
+    elif seen_twice:
+        direct, mirrored = _two_pixels(seen_twice)
+        shares = measure_reflectance(image, fit.calibration, direct, mirrored)
+    calibration = replace(fit.calibration, reflectance=shares)
+    write_calibration(output, calibration, ball_fit=ball_record(fit, radiance.name), force=force)
 
     for line in _told(fit, pinhole):
         print(line)
@@ -97,6 +117,8 @@ def calibrate_ball(
             f"  D/R {ASSUMED_RATIO[0]:g} ± {ASSUMED_RATIO[1]:g} is assumed, not measured: give "
             "--focal-px, or --distance-ratio by a tape measure"
         )
+    if seen_twice:
+        print(f"  reflects {', '.join(f'{each:.3f}' for each in shares)} of red, green and blue")
     for remark in cleaned.remarks:
         print(f"  {remark}")
     x, y = fit.outline.centre_px
@@ -118,11 +140,19 @@ def _told(fit: "BallFit", pinhole: "Pinhole") -> list[str]:
 
 
 def _numbers(flag: str, text: str, wanted: str) -> tuple[float, ...]:
-    """Return the numbers of "x,y" or "x,y,radius"; InputError for anything else."""
+    """Return the numbers of "x,y", "x,y,radius" or "r,g,b"; InputError for anything else."""
     try:
         numbers = tuple(float(part) for part in text.split(","))
     except ValueError:
         numbers = ()
     if len(numbers) != len(wanted.split(",")) or not np.all(np.isfinite(numbers)):
-        raise InputError(f"{flag} is {wanted} in pixels, got {text!r}")
+        unit = "" if wanted == "r,g,b" else " in pixels"
+        raise InputError(f"{flag} is {wanted}{unit}, got {text!r}")
     return numbers
+
+
+def _two_pixels(text: str) -> "list[Array]":
+    pixels = [np.array(_numbers("--seen-twice", part, "x,y")) for part in text.split()]
+    if len(pixels) != 2:
+        raise InputError(f'--seen-twice is "x,y x,y", got {text!r}')
+    return pixels

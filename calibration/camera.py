@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from calibration.reflectance import check_reflectance, reflected_share
 from capture.arrays import read_only
 from capture.errors import InputError
 
@@ -114,6 +115,9 @@ class Calibration:
         What is added to V(θ) where the lens is not the same all around: the coefficients of
         θ cos φ, θ sin φ, θ² cos 2φ and θ² sin 2φ, φ from the camera's +x toward its +y. Empty, 2 or
         4 of them.
+    reflectance : tuple of float
+        Of a mirror ball: the shares of red, green and blue light that falls straight on it which it
+        reflects. Empty for all of it, at every angle.
     """
 
     model: CameraModel
@@ -123,6 +127,7 @@ class Calibration:
     image_circle: ImageCircle | None = None
     vignetting: tuple[float, ...] = ()
     uneven_vignetting: tuple[float, ...] = ()
+    reflectance: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         width, height = self.image_size_px
@@ -154,6 +159,10 @@ class Calibration:
                 "vignetting must leave some light up to the valid angle: V(θ) = 1 + v1 θ² + … is "
                 f"not positive there with {[*self.vignetting, *self.uneven_vignetting]}"
             )
+        if self.reflectance:
+            check_reflectance(self.reflectance)
+            if not hasattr(self.model, "incidence_rad"):
+                raise InputError(f"reflectance is a mirror ball's; the model is {self.model.name}")
 
     def unproject(self, pixels: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Return world directions (..., 3) and validity (...) of pixels (..., 2).
@@ -188,6 +197,21 @@ class Calibration:
             terms = uneven_terms(angle_rad, azimuth_rad, len(self.uneven_vignetting))
             share = share + terms @ np.array(self.uneven_vignetting)
         return share
+
+    def reflected_share(self, directions: ArrayLike) -> NDArray[np.float64]:
+        """Return the share of each channel that the ball reflects from world directions, (..., 3).
+
+        For calibrations with a reflectance.
+        """
+        return reflected_share(self.reflectance, self.incidence_rad(directions))
+
+    def incidence_rad(self, directions: ArrayLike) -> NDArray[np.float64]:
+        """Return the angle (...) to its normal at which light from world directions hits the ball.
+
+        For calibrations of mirror balls.
+        """
+        of_axis_angle = getattr(self.model, "incidence_rad")  # noqa: B009
+        return np.asarray(of_axis_angle(self.axis_angle(directions)), np.float64)
 
     def axis_angle(self, directions: ArrayLike) -> NDArray[np.float64]:
         """Angle in rad between world directions (..., 3) and the model's axis."""

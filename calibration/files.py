@@ -3,8 +3,9 @@
 Input  : {"model": "equisolid", "image_size_px": [5616, 3744], "centre_px": [2807.5, 1871.5],
           "focal_px": 1248, "valid_angle_rad": 1.6232}, the model's other parameters by name, and
          optionally R_world_camera, image_circle {centre_px, radius_px}, vignetting [v1, …],
-         uneven_vignetting, and what `fishlight calibrate` made it from: lens_fit
-         (calibration/lens/record.py) and vignetting_fit (calibration/vignetting_record.py).
+         uneven_vignetting, reflectance, and what `fishlight calibrate` made it from: lens_fit
+         (calibration/lens/record.py), vignetting_fit (calibration/vignetting_record.py) and
+         ball_fit (calibration/ball_record.py).
 Output : Calibration, or InputError in one line that names the file and the key.
 """
 
@@ -26,6 +27,9 @@ from capture.output import write_text
 _MAX_BYTES = 2**24
 """Largest calibration file that is read."""
 
+_RECORDS = ("lens_fit", "vignetting_fit", "ball_fit")
+"""Keys that tell what a calibration was made from."""
+
 _Row = tuple[float, float, float]
 
 
@@ -43,8 +47,10 @@ class _Camera(msgspec.Struct):
     image_circle: _Circle | None = None
     vignetting: tuple[float, ...] = ()
     uneven_vignetting: tuple[float, ...] = ()
+    reflectance: tuple[float, ...] = ()
     lens_fit: dict[str, Any] | None = None
     vignetting_fit: dict[str, Any] | None = None
+    ball_fit: dict[str, Any] | None = None
 
 
 def read_calibration(path: Path) -> Calibration:
@@ -92,6 +98,7 @@ def read_calibration(path: Path) -> Calibration:
             else ImageCircle(circle.centre_px, circle.radius_px),
             vignetting=camera.vignetting,
             uneven_vignetting=camera.uneven_vignetting,
+            reflectance=camera.reflectance,
         )
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
@@ -103,6 +110,7 @@ def write_calibration(
     *,
     lens_fit: msgspec.Struct | Mapping[str, Any] | None = None,
     vignetting_fit: msgspec.Struct | Mapping[str, Any] | None = None,
+    ball_fit: msgspec.Struct | Mapping[str, Any] | None = None,
     force: bool = True,
 ) -> None:
     """Write a calibration file that `read_calibration` reads back exactly, a key a line."""
@@ -120,15 +128,21 @@ def write_calibration(
         content["vignetting"] = calibration.vignetting
     if calibration.uneven_vignetting:
         content["uneven_vignetting"] = calibration.uneven_vignetting
-    if lens_fit is not None:
-        content["lens_fit"] = lens_fit
-    if vignetting_fit is not None:
-        content["vignetting_fit"] = vignetting_fit
+    if calibration.reflectance:
+        content["reflectance"] = calibration.reflectance
+    records = zip(_RECORDS, (lens_fit, vignetting_fit, ball_fit), strict=True)
+    content |= {name: record for name, record in records if record is not None}
     lines = [
         f'  "{key}": {msgspec.json.encode(value, enc_hook=_plain).decode()}'
         for key, value in content.items()
     ]
     write_text(path, "{\n" + ",\n".join(lines) + "\n}\n", force=force)
+
+
+def read_records(path: Path) -> dict[str, Any]:
+    """Return what a file keeps of its making: keyword arguments of `write_calibration`."""
+    content = read_object(path)
+    return {name: content[name] for name in _RECORDS if name in content}
 
 
 def read_object(path: Path) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from calibration.camera import Calibration
-from calibration.files import read_calibration, read_object, write_calibration
+from calibration.files import read_calibration, read_records, write_calibration
 from capture.arguments import Output, tell
 from capture.errors import InputError
 from capture.output import refuse_existing
@@ -152,11 +152,10 @@ def _write(
     *,
     force: bool,
 ) -> None:
-    """Write the calibration with all that its file held of the lens's own fit."""
+    """Write the calibration with all else that its file held of its making."""
     write_calibration(
         output,
         camera,
-        lens_fit=read_object(start).get("lens_fit"),
-        vignetting_fit=record,
+        **{**read_records(start), "vignetting_fit": record},
         force=force,
     )

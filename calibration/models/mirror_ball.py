@@ -91,15 +91,34 @@ class MirrorBall:
         )
         return by_backward * _FLIP_Z, by_parameters
 
+    def incidence_rad(self, angle_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return at which angle to the surface's normal the ball is hit, by the angle θ from −z.
+
+        Newton's method for θ = 2 i − α(i): θ(i) rises with a slope between 1 and 2 and is convex,
+        so that from the second step on the iterates fall toward the root.
+        """
+        ratio_squared = self.distance_ratio**2
+        incidence = angle_rad / 2.0
+        for _ in range(60):
+            sine = np.sin(incidence)
+            error = 2.0 * incidence - np.arcsin(sine / self.distance_ratio) - angle_rad
+            slope = 2.0 - np.cos(incidence) / np.sqrt(ratio_squared - sine**2)
+            following = np.clip(incidence - error / slope, 0.0, np.pi / 2)
+            change = np.abs(following - incidence).max(initial=0.0)
+            incidence = following
+            if change < 1e-15:
+                break
+        return incidence
+
     def _radius(self, angle: NDArray[np.float64]) -> NDArray[np.float64]:
         """Radius over the outline's: r ∝ tan α in perspective, and sin α = sin i / D."""
         ratio_squared = self.distance_ratio**2
-        sine = np.sin(self._incidence(angle))
+        sine = np.sin(self.incidence_rad(angle))
         return sine * np.sqrt((ratio_squared - 1.0) / (ratio_squared - sine**2))
 
     def _derivatives(self, angle: NDArray[np.float64]) -> Derivatives:
         ratio, ratio_squared = self.distance_ratio, self.distance_ratio**2
-        incidence = self._incidence(angle)
+        incidence = self.incidence_rad(angle)
         sine, cosine = np.sin(incidence), np.cos(incidence)
         rest = ratio_squared - sine**2
         radius = sine * np.sqrt((ratio_squared - 1.0) / rest)
@@ -109,25 +128,6 @@ class MirrorBall:
         by_ratio = radius * ratio * cosine**2 / ((ratio_squared - 1.0) * rest)
         by_ratio -= slope * sine / (ratio * np.sqrt(rest))
         return radius, slope, (by_ratio,)
-
-    def _incidence(self, angle: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Incidence i at the angle θ from −z: Newton's method for θ = 2 i − α(i).
-
-        θ(i) rises with a slope between 1 and 2 and is convex, so that from the second step on the
-        iterates fall toward the root.
-        """
-        ratio_squared = self.distance_ratio**2
-        incidence = angle / 2.0
-        for _ in range(60):
-            sine = np.sin(incidence)
-            error = 2.0 * incidence - np.arcsin(sine / self.distance_ratio) - angle
-            slope = 2.0 - np.cos(incidence) / np.sqrt(ratio_squared - sine**2)
-            following = np.clip(incidence - error / slope, 0.0, np.pi / 2)
-            change = np.abs(following - incidence).max(initial=0.0)
-            incidence = following
-            if change < 1e-15:
-                break
-        return incidence
 
     def _angle(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
         ratio_squared = self.distance_ratio**2

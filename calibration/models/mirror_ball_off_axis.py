@@ -111,6 +111,10 @@ class MirrorBallOffAxis:
         by_parameters = [by_centre, np.eye(2) - by_centre, by_focal, by_distance]
         return by_seen @ ball_by_direction, np.concatenate(by_parameters, axis=-1)
 
+    def incidence_rad(self, angle_rad: Array) -> Array:
+        """Return at which angle to the surface's normal the ball is hit, by the angle θ from −z."""
+        return self._ball().incidence_rad(angle_rad)
+
     def _ball(self) -> MirrorBall:
         """Return the ball as a camera of focal length 1 sees it that points at its centre."""
         ratio = self.distance_ratio

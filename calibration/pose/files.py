@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import Calibration
-from calibration.files import read_object, write_calibration
+from calibration.files import read_records, write_calibration
 
 
 def write_posed(
@@ -18,11 +18,6 @@ def write_posed(
     *,
     force: bool,
 ) -> None:
-    """Write the calibration with another pose, and what `start_path` keeps of the lens's making."""
-    lens_fit = None
-    if "lens_fit" in read_object(start_path):
-        from calibration.lens.record import read_lens_record  # here: it waits for scipy
-
-        lens_fit = read_lens_record(start_path)
+    """Write the calibration with another pose, and what `start_path` keeps of its making."""
     posed = replace(calibration, R_world_camera=R_world_camera)
-    write_calibration(path, posed, lens_fit=lens_fit, force=force)
+    write_calibration(path, posed, **read_records(start_path), force=force)

@@ -10,8 +10,9 @@ from calibration.ball import BallFit, fit_ball, pose
 from calibration.ball_cli import calibrate_ball
 from calibration.ball_outline import Pinhole, cone_distance_px, distant_pinhole, find_outline
 from calibration.camera import LEVEL
-from calibration.files import read_calibration
+from calibration.files import read_calibration, read_records
 from calibration.sharpness import pixels_per_rad
+from calibration.up_cli import calibrate_up
 from capture.errors import InputError
 from capture.radiance import RadianceImage
 from capture.radiance_files import write_radiance
@@ -141,9 +142,21 @@ def test_the_command_writes_a_calibration(
     calibration = read_calibration(tmp_path / "cal.json")
     back, _ = calibration.unproject(np.array(calibration.model.centre_px))
     assert back @ [0, -1, 0] == pytest.approx(1.0, abs=1e-3)  # the camera looked up
+    # The file keeps the outline, and another pose does not lose it.
+    calibrate_up(tmp_path / "cal.json", looks="level", output=tmp_path / "up.json")
+    kept = read_records(tmp_path / "up.json")["ball_fit"]
+    assert kept["picture"] == "ball.exr"
+    assert kept["half_angle_rad"] == pytest.approx(np.arcsin(1 / calibration.model.distance_ratio))
+    assert np.all(np.diff(kept["sigma_rad"]) > 0)
 
-    calibrate_ball(tmp_path / "ball.exr", output=tmp_path / "cal.json", force=True)
+    calibrate_ball(
+        tmp_path / "ball.exr", output=tmp_path / "cal.json", reflectance="0.6,0.6,0.5", force=True
+    )
     assert "D/R 20 ± 10 is assumed" in capsys.readouterr().out
+    assert read_calibration(tmp_path / "cal.json").reflectance == (0.6, 0.6, 0.5)
+    for wrong in ({"reflectance": "1,2"}, {"seen_twice": "1,2"}, {"seen_twice": "1,2 3,4,5"}):
+        with pytest.raises(InputError, match=r"r,g,b|x,y"):
+            calibrate_ball(tmp_path / "ball.exr", output=tmp_path / "b.json", **wrong)
     with pytest.raises(InputError, match="not both"):
         calibrate_ball(
             tmp_path / "ball.exr", output=tmp_path / "b.json", focal_px=1.0, distance_ratio=2.0
