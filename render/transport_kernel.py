@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from render.embree import PACKET, occluded16, packet
+from render.embree import PACKET, coherent16, packet
 
 TILE = 128
 """Samples of a tile: their sums fit into the first-level cache."""
@@ -77,7 +77,7 @@ def _traced(
                 _receive(part, light, received)
                 if _select(part, light, sphere, received, valid):
                     rays[4], rays[5], rays[6], rays[8] = light[0], light[1], light[2], _FAR_M
-                    occluded16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
+                    coherent16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
                     for i in range(PACKET):
                         received[i] *= np.float32(rays[8, i] > 0)
                 for i in range(PACKET):
