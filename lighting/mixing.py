@@ -10,9 +10,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lighting.environment import LUMINANCE_WEIGHTS
-from lighting.light_set import LightSet
+from lighting.light_set import SUN_RADIUS_RAD, LightSet
 from lighting.matching import stable_matching
-from lighting.scenario import SUN_RADIUS_RAD
 
 Array = NDArray[np.float64]
 Lights = tuple[Array, Array, Array, NDArray[np.bool_]]

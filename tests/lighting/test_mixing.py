@@ -6,9 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lighting.environment import luminance
-from lighting.light_set import LightSet
+from lighting.light_set import SUN_RADIUS_RAD, LightSet
 from lighting.mixing import MOST_FADING, mixed
-from lighting.scenario import SUN_RADIUS_RAD
 from tests.lighting_sets import assert_same_lights, random_set, towards
 
 SHARES = st.sampled_from([0.0, 0.01, 0.2, 0.7, 1.0])

@@ -11,8 +11,8 @@ from lighting.block_grid import block_grid
 from lighting.cell_tree import grow_tree, tree_sums
 from lighting.error_measures import behind_occluders, errors, truth
 from lighting.latlong import cell_directions
+from lighting.light_set import SUN_RADIUS_RAD
 from lighting.reduce import reduce_to_lights
-from lighting.scenario import SUN_RADIUS_RAD
 from lighting.sequences import SEQUENCES, Sequence, Source, frames
 from lighting.summed_area import block_sums, summed_area_tables
 from tests.environments import constant, environment, outdoors

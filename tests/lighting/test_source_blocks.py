@@ -19,11 +19,12 @@ from capture.errors import InputError
 from capture.radiance import RadianceImage
 from lighting.environment import luminance
 from lighting.latlong import cell_directions, solid_angles
+from lighting.light_set import SUN_RADIUS_RAD
 from lighting.pixel_grid import pixel_corners
 from lighting.pixel_moments import polygon_moment
 from lighting.reduce import reduce_to_lights
 from lighting.remap import apply_remap, build_remap
-from lighting.scenario import SUN_RADIUS_RAD, Disc, Moment
+from lighting.scenario import Disc, Moment
 from lighting.simulate import build_view, see
 from lighting.source_blocks import apply_source_blocks, build_source_blocks, picture_blocks
 from lighting.summed_area import block_sums
