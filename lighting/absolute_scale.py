@@ -17,7 +17,7 @@ from capture.errors import InputError
 from capture.radiance import CD_M2, RELATIVE
 from lighting.environment import EnvironmentMap, luminance
 from lighting.illuminance import surface_illuminance, unit
-from lighting.latlong import cell_directions, direction_to_grid, solid_angles
+from lighting.sphere.latlong import cell_directions, direction_to_grid, solid_angles
 
 _MOST_UNSEEN = 0.02
 """Of what an illuminance meter faces: as much as such meters err themselves."""

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import Calibration
-from lighting.latlong import cell_directions, direction_to_grid
 from lighting.pixel_grid import pixel_corners, pixel_illumination, strip_order
 from lighting.pixel_moments import pixel_moments
+from lighting.sphere.latlong import cell_directions, direction_to_grid
 
 
 class Entries(NamedTuple):

@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lighting.environment import LUMINANCE_WEIGHTS
-from lighting.latlong import solid_angles
+from lighting.sphere.latlong import solid_angles
 from lighting.summed_area import cells_per_block
 
 Array = NDArray[np.float64]

@@ -20,7 +20,7 @@ from capture.errors import InputError
 from capture.radiance import CD_M2
 from lighting.environment import EnvironmentMap, luminance
 from lighting.illuminance import cosine_weights, surface_illuminance, unit
-from lighting.latlong import cell_directions, direction_to_grid, solid_angles
+from lighting.sphere.latlong import cell_directions, direction_to_grid, solid_angles
 
 SUN_RADIUS_RAD = np.radians(0.53 / 2)
 """The sun's mean angular radius, as seen from the Earth."""

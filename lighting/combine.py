@@ -19,8 +19,8 @@ from calibration.sharpness import pixels_per_rad
 from capture.errors import InputError
 from capture.radiance import RadianceImage
 from lighting.environment import EnvironmentMap
-from lighting.latlong import cell_directions
 from lighting.remap import remap_image
+from lighting.sphere.latlong import cell_directions
 from lighting.spherical_registration import Turn, register_turn
 
 Array = NDArray[np.float64]

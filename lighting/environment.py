@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from capture.arrays import read_only
 from capture.radiance import RELATIVE, check_radiance
-from lighting.latlong import solid_angles
+from lighting.sphere.latlong import solid_angles
 
 LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
 """Luminance of linear Rec.709 red, green and blue (ITU-R BT.709-6, item 3.2)."""

@@ -20,10 +20,10 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting import caps, harmonics
 from lighting.environment import EnvironmentMap
-from lighting.latlong import cell_directions, solid_angles
 from lighting.light_set import LightSet
+from lighting.sphere import caps, harmonics
+from lighting.sphere.latlong import cell_directions, solid_angles
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ import numpy as np
 from capture.errors import InputError
 from lighting.blocks import BlockSums
 from lighting.environment import LUMINANCE_WEIGHTS, EnvironmentMap
-from lighting.latlong import solid_angles
+from lighting.sphere.latlong import solid_angles
 from lighting.summed_area import block_sums
 
 Fill = Literal["black", "mean", "mirror"]

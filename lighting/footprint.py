@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from lighting.latlong import solid_angles
+from lighting.sphere.latlong import solid_angles
 
 _SINGLE_EXTENT = 0.55
 """Extent in cells up to which one sample stands for a pixel of a balanced operator. Measured: four

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from capture.errors import InputError
 from lighting.environment import EnvironmentMap, luminance
-from lighting.latlong import solid_angles
+from lighting.sphere.latlong import solid_angles
 
 FACINGS = {
     "up": (0.0, 1.0, 0.0),

@@ -20,8 +20,8 @@ from capture.errors import InputError
 from capture.files import read_bytes
 from capture.output import write_text
 from capture.radiance import RELATIVE, check_scale
-from lighting import harmonics
 from lighting.light_set import LightSet
+from lighting.sphere import harmonics
 
 _MAX_BYTES = 2**26
 """Largest file that is read: about 300,000 lights."""

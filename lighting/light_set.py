@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from capture.arrays import read_only
 from capture.radiance import RELATIVE
-from lighting import harmonics
+from lighting.sphere import harmonics
 
 SUN_RADIUS_RAD = np.radians(0.2665)
 """Mean angular radius of the sun's disc."""

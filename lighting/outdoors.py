@@ -3,7 +3,7 @@
 import numpy as np
 
 from lighting.environment import EnvironmentMap
-from lighting.latlong import cell_directions
+from lighting.sphere.latlong import cell_directions
 
 
 def outdoors(height: int = 64, seed: int = 0) -> EnvironmentMap:

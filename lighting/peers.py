@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.environment import EnvironmentMap, luminance
-from lighting.latlong import cell_directions, grid_to_direction, solid_angles
 from lighting.sampled_lights import cone_radius
+from lighting.sphere.latlong import cell_directions, grid_to_direction, solid_angles
 
 Array = NDArray[np.float64]
 Lights = tuple[Array, Array, Array]

@@ -12,7 +12,7 @@ Fails  : light that falls into one cell of the map's own picture is spread over 
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.latlong import direction_to_grid
+from lighting.sphere.latlong import direction_to_grid
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,6 @@ from capture.errors import InputError
 from lighting.block_grid import BlockGrid, block_grid
 from lighting.blocks import BlockSums
 from lighting.environment import LUMINANCE_WEIGHTS, EnvironmentMap, luminance
-from lighting.latlong import solid_angles
 from lighting.light_set import LightSet
 from lighting.methods.adaptive import (
     Memory,
@@ -42,6 +41,7 @@ from lighting.methods.variance_minimisation import (
     variance_minimisation,
     variance_minimisation_of_blocks,
 )
+from lighting.sphere.latlong import solid_angles
 from lighting.summed_area import MOST_ROWS, block_sums
 
 Array = NDArray[np.float64]

@@ -22,8 +22,8 @@ from capture.errors import InputError
 from capture.radiance import RadianceImage
 from lighting.environment import EnvironmentMap
 from lighting.footprint import BAND_PARTS, add_band, count_entries, fill_entries, row_balance
-from lighting.latlong import solid_angles
 from lighting.pixel_grid import pixel_corners, pixel_illumination, strip_order
+from lighting.sphere.latlong import solid_angles
 
 _FULL = 0.8
 """Share of a cell that pixels must cover for it to be taken as covered whole: below it the cell

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.environment import EnvironmentMap
-from lighting.latlong import grid_to_direction, solid_angles
 from lighting.light_set import LightSet
+from lighting.sphere.latlong import grid_to_direction, solid_angles
 
 _RADII = 2.0
 """Radius of the cap in radii of the light. The light's radius is the one of the uniform disc with

@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lighting.environment import LUMINANCE_WEIGHTS, luminance
-from lighting.latlong import solid_angles
+from lighting.sphere.latlong import solid_angles
 
 Array = NDArray[np.float64]
 Cells = NDArray[np.intp]

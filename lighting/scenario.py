@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from capture.errors import InputError
 from lighting.environment import EnvironmentMap, luminance
-from lighting.latlong import cell_directions, direction_to_grid, solid_angles
 from lighting.light_set import SUN_RADIUS_RAD
+from lighting.sphere.latlong import cell_directions, direction_to_grid, solid_angles
 
 _GLARE_RAD = np.radians(3.0)
 """Around its peak a photographed sun, blurred by lens and grid, is gathered from this far."""

@@ -24,8 +24,8 @@ from capture.frame import Exposure
 from capture.recording_writer import create_recording
 from capture.sensor import Sensor, assumed_sensor
 from lighting.environment import luminance
-from lighting.latlong import direction_to_grid
 from lighting.scenario import Disc, Moment
+from lighting.sphere.latlong import direction_to_grid
 from lighting.truth import write_truth
 
 FrameFormat = Literal["jpeg", "png", "png16"]

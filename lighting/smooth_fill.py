@@ -22,9 +22,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lighting import harmonics
 from lighting.block_grid import BlockGrid, coarsened
 from lighting.environment import LUMINANCE_WEIGHTS
+from lighting.sphere import harmonics
 
 Array = NDArray[np.float64]
 

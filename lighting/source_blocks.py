@@ -25,7 +25,7 @@ from capture.radiance import RadianceImage
 from lighting.block_entries import Entries, block_entries
 from lighting.blocks import BlockSums
 from lighting.environment import LUMINANCE_WEIGHTS
-from lighting.latlong import grid_to_direction, solid_angles
+from lighting.sphere.latlong import grid_to_direction, solid_angles
 from lighting.summed_area import MOST_ROWS
 
 _COVERAGE_SAMPLES = 4

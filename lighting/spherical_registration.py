@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.environment import luminance
-from lighting.latlong import cell_directions, direction_to_grid, solid_angles
+from lighting.sphere.latlong import cell_directions, direction_to_grid, solid_angles
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from lighting.environment import LUMINANCE_WEIGHTS
-from lighting.latlong import solid_angles
+from lighting.sphere.latlong import solid_angles
 
 Array = NDArray[np.float64]
 

@@ -43,10 +43,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import InputError
-from lighting import harmonics
 from lighting.environment import luminance
 from lighting.light_set import LightSet
 from lighting.mixing import mixed
+from lighting.sphere import harmonics
 
 Array = NDArray[np.float64]
 

@@ -20,9 +20,9 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting import harmonics
 from lighting.environment import EnvironmentMap
 from lighting.light_set import LightSet
+from lighting.sphere import harmonics
 from render.background import look_up, map_coordinates, picture_rays
 from render.casters import gather_casters
 from render.direction_cells import direction_cells, disc_points, spread_over_cells

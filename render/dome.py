@@ -11,9 +11,9 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting import harmonics
 from lighting.error_measures import spread_directions
-from lighting.latlong import cell_directions, solid_angles
+from lighting.sphere import harmonics
+from lighting.sphere.latlong import cell_directions, solid_angles
 
 Array = NDArray[np.float64]
 

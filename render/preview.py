@@ -7,9 +7,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.radiance import RadianceImage
 from lighting.environment import EnvironmentMap
-from lighting.latlong import direction_to_grid
 from lighting.light_set import LightSet
+from lighting.sphere.latlong import direction_to_grid
 from render.view import to_display
 
 LIGHT_RGB = (255, 190, 0)
@@ -32,11 +33,7 @@ def preview(
     fill, which comes from everywhere, nothing is drawn.
     """
     size_px = (width_px, width_px // 2)
-    picture = _resize(to_display(environment.radiance, exposure_ev), size_px)
-    unseen = _resize((~environment.valid).astype(np.float32), size_px) > 0.5
-    picture[unseen] = UNSEEN_RGB
-    picture[unseen & _hatch(size_px)] = np.add(UNSEEN_RGB, 25)
-    picture[_resize(environment.clipped.astype(np.float32), size_px) > 0] = CLIPPED_RGB
+    picture = marked(environment, exposure_ev, size_px)
     scale = size_px[1] / environment.height
     centres = (direction_to_grid(lights.directions, environment.height) + 0.5) * scale - 0.5
     power = lights.irradiance.sum(axis=1)
@@ -48,6 +45,21 @@ def preview(
         for colour, thickness in ((OUTLINE_RGB, 3), (light_rgb, 1)):
             for turn_px in (-width_px, 0, width_px):  # across the seam it goes on at the other edge
                 _ring(picture, (x + turn_px, y), float(radius_px), colour, thickness)
+    return picture
+
+
+def marked(
+    seen: EnvironmentMap | RadianceImage, exposure_ev: float, size_px: tuple[int, int]
+) -> NDArray[np.uint8]:
+    """Return a map or a camera's picture as sRGB (height, width, 3), with its marks.
+
+    A pixel is magenta if any clipped one is in it, and hatched grey if most in it are unseen.
+    """
+    picture = _resize(to_display(seen.radiance, exposure_ev), size_px)
+    unseen = _resize((~seen.valid).astype(np.float32), size_px) > 0.5
+    picture[unseen] = UNSEEN_RGB
+    picture[unseen & _hatch(size_px)] = np.add(UNSEEN_RGB, 25)
+    picture[_resize(seen.clipped.astype(np.float32), size_px) > 0] = CLIPPED_RGB
     return picture
 
 

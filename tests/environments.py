@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 
 from lighting.environment import EnvironmentMap
 from lighting.error_measures import spread_directions
-from lighting.latlong import cell_directions
 from lighting.outdoors import outdoors as outdoors  # the tests' map too
+from lighting.sphere.latlong import cell_directions
 
 
 def environment(radiance: NDArray[np.floating]) -> EnvironmentMap:

@@ -15,9 +15,14 @@ from calibration.models.equidistant import Equidistant
 from calibration.models.equirectangular import full_sphere
 from capture.radiance import RELATIVE, RadianceImage
 from lighting.environment import EnvironmentMap, luminance
-from lighting.latlong import cell_directions, direction_to_grid, grid_to_direction, solid_angles
 from lighting.light_set import LightSet
 from lighting.remap import apply_remap, build_remap
+from lighting.sphere.latlong import (
+    cell_directions,
+    direction_to_grid,
+    grid_to_direction,
+    solid_angles,
+)
 
 HEIGHT = 32
 AXES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], np.float64)

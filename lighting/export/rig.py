@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import InputError
-from lighting import harmonics
 from lighting.environment import EnvironmentMap
-from lighting.latlong import cell_directions
 from lighting.light_set import LightSet
 from lighting.residual import remove_lights
+from lighting.sphere import harmonics
+from lighting.sphere.latlong import cell_directions
 
 _FILL_ROWS = 64  # the midpoints of its cells lose 1e-4 of a function of order 2
 

@@ -25,7 +25,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lighting.environment import LUMINANCE_WEIGHTS, EnvironmentMap
-from lighting.latlong import solid_angles
 from lighting.low_discrepancy import low_discrepancy_points
 from lighting.sampled_lights import (
     Array,
@@ -34,6 +33,7 @@ from lighting.sampled_lights import (
     lights_of_samples,
     row_integrals,
 )
+from lighting.sphere.latlong import solid_angles
 
 
 def hierarchical(environment: EnvironmentMap, count: int) -> tuple[Array, Array, Array]:

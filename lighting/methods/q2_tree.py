@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from lighting.cell_splitting import Array, lights_of_sums
 from lighting.environment import EnvironmentMap
-from lighting.equal_area_chart import on_chart
+from lighting.sphere.equal_area_chart import on_chart
 from lighting.summed_area import block_sums
 
 _LEVELS = 26

@@ -32,7 +32,6 @@ from capture.radiance import RadianceImage
 from capture.recording import Recording, open_recording
 from lighting.blocks import BlockSums
 from lighting.environment import EnvironmentMap
-from lighting.latlong import cell_directions
 from lighting.light_set import LightSet
 from lighting.methods.adaptive import Memory
 from lighting.peers import median_cut
@@ -41,6 +40,7 @@ from lighting.remap import apply_remap, build_remap
 from lighting.scenario import scenario
 from lighting.simulate import simulate_recording
 from lighting.source_blocks import apply_source_blocks, build_source_blocks
+from lighting.sphere.latlong import cell_directions
 from render.baked import BakedRenderer
 from render.default_scene import default_scene
 from render.gl import create_context

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from calibration.camera import UP, Calibration
 from calibration.models.equidistant import Equidistant
 from capture.radiance import RadianceImage
-from lighting.latlong import cell_directions, grid_to_direction, solid_angles
 from lighting.remap import apply_remap, build_remap
+from lighting.sphere.latlong import cell_directions, grid_to_direction, solid_angles
 
 SIZE = 1024
 TILT = np.array([[1, 0, 0], [0, 0.96, -0.28], [0, 0.28, 0.96]])

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.environment import EnvironmentMap
-from lighting.latlong import cell_directions, solid_angles
 from lighting.light_set import LightSet
+from lighting.sphere.latlong import cell_directions, solid_angles
 from tests.environments import environment, true_irradiance
 
 Array = NDArray[np.float64]

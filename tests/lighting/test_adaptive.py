@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lighting import harmonics
 from lighting.block_grid import block_grid
 from lighting.blocks import BlockSums
-from lighting.latlong import cell_directions
 from lighting.methods.adaptive import SAFETY, adaptive, adaptive_next, block_rows
 from lighting.reduce import reduce_next, reduce_to_lights
+from lighting.sphere import harmonics
+from lighting.sphere.latlong import cell_directions
 from lighting.summed_area import block_sums
 from tests.environments import (
     bright_poles,

@@ -25,9 +25,9 @@ from lighting.error_measures import (
     relative_rms,
     standard_receivers,
 )
-from lighting.latlong import cell_directions, solid_angles
 from lighting.reduce import reduce_to_lights
 from lighting.sequences import SEQUENCES, Sequence, Source, frames
+from lighting.sphere.latlong import cell_directions, solid_angles
 from lighting.summed_area import block_sums
 from tests.environments import constant, environment, outdoors
 

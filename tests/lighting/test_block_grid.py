@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lighting.block_grid import block_grid, coarsened
-from lighting.latlong import cell_directions, solid_angles
+from lighting.sphere.latlong import cell_directions, solid_angles
 from lighting.summed_area import block_sums
 from tests.environments import outdoors
 

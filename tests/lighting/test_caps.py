@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lighting.caps import received
+from lighting.sphere.caps import received
 
 UP = np.array([0.0, 1.0, 0.0])
 angles = st.floats(-np.pi, np.pi)

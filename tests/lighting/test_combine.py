@@ -15,7 +15,7 @@ from capture.radiance_files import write_radiance
 from lighting.combine import View, align_views, combine_views
 from lighting.combine_cli import combine
 from lighting.environment_files import read_environment
-from lighting.latlong import cell_directions, solid_angles
+from lighting.sphere.latlong import cell_directions, solid_angles
 from tests.calibration.ball_pictures import room
 
 BALL = MirrorBall((119.5, 119.5), 117.0, 8.0)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from lighting.equal_area_chart import directions_of, on_chart, on_sphere
-from lighting.latlong import direction_to_grid
+from lighting.sphere.equal_area_chart import directions_of, on_chart, on_sphere
+from lighting.sphere.latlong import direction_to_grid
 from tests.environments import normals
 
 

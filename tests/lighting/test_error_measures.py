@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from lighting import harmonics
 from lighting.error_measures import (
     behind_combs,
     behind_occluders,
@@ -16,9 +15,10 @@ from lighting.error_measures import (
     standard_receivers,
     truth,
 )
-from lighting.latlong import cell_directions, solid_angles
 from lighting.light_set import LightSet
 from lighting.reduce import reduce_to_lights
+from lighting.sphere import harmonics
+from lighting.sphere.latlong import cell_directions, solid_angles
 from tests.environments import constant, environment, irradiance, outdoors
 
 KINDS = standard_receivers()

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from capture.errors import InputError
 from lighting.environment import EnvironmentMap
 from lighting.export.orientation import in_convention, quaternions, z_up
-from lighting.latlong import cell_directions
+from lighting.sphere.latlong import cell_directions
 from tests.environments import constant, normals
 
 Array = NDArray[np.float64]

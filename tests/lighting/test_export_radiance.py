@@ -12,8 +12,8 @@ import pytest
 from lighting.export.files import write_scene
 from lighting.export.orientation import z_up
 from lighting.export.rig import LightRig, light_rig
-from lighting.latlong import cell_directions
 from lighting.light_set import LightSet
+from lighting.sphere.latlong import cell_directions
 from tests.environments import environment, normals
 from tests.lighting.room import assert_lit_by_the_room, lamps, room
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from capture.errors import InputError
-from lighting import harmonics
 from lighting.export.discs import about, facing_irradiance, light_names, strength_and_colour
 from lighting.export.rig import light_rig
 from lighting.light_set import LightSet
+from lighting.sphere import harmonics
 from tests.environments import irradiance, normals, true_irradiance
 from tests.lighting.room import lamps, room
 

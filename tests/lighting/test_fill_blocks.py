@@ -7,7 +7,7 @@ from capture.errors import InputError
 from lighting.blocks import BlockSums
 from lighting.environment import EnvironmentMap
 from lighting.fill import fill_blocks, fill_unseen
-from lighting.latlong import solid_angles
+from lighting.sphere.latlong import solid_angles
 from lighting.summed_area import block_sums
 
 FILLS = pytest.mark.parametrize("fill", ["mean", "mirror"])

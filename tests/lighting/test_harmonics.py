@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lighting import harmonics
-from lighting.latlong import cell_directions, solid_angles
+from lighting.sphere import harmonics
+from lighting.sphere.latlong import cell_directions, solid_angles
 from tests.environments import irradiance, normals
 
 HEIGHT = 64

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from lighting.latlong import direction_to_grid, solid_angles
 from lighting.low_discrepancy import low_discrepancy_points
 from lighting.methods.hierarchical import hierarchical, sample_directions
+from lighting.sphere.latlong import direction_to_grid, solid_angles
 from tests.environments import constant, environment, one_hot, outdoors, sun_in_sky, two_cells
 
 WEIGHTS = np.array([0.2126, 0.7152, 0.0722])

@@ -5,7 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lighting.latlong import cell_directions, direction_to_grid, grid_to_direction, solid_angles
+from lighting.sphere.latlong import (
+    cell_directions,
+    direction_to_grid,
+    grid_to_direction,
+    solid_angles,
+)
 
 
 @given(height=st.integers(1, 300))

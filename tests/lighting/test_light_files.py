@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from capture.errors import InputError
-from lighting.harmonics import windowed
 from lighting.light_files import read_lights, write_lights
 from lighting.light_set import LightSet
 from lighting.reduce import reduce_to_lights
+from lighting.sphere.harmonics import windowed
 from tests.environments import constant, outdoors
 
 LIGHT_KEYS = {"direction", "irradiance", "angular_radius_rad", "is_key", "shadow_map_px"}

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lighting import harmonics
-from lighting.latlong import cell_directions
 from lighting.reduce import METHODS, reduce_to_lights
+from lighting.sphere import harmonics
+from lighting.sphere.latlong import cell_directions
 from tests.environments import (
     bright_poles,
     constant,

@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial import cKDTree
 
 from lighting.error_measures import spread_directions
-from lighting.latlong import direction_to_grid, solid_angles
 from lighting.methods.penrose import penrose
 from lighting.penrose_tiling import points_below, points_in_rectangles
+from lighting.sphere.latlong import direction_to_grid, solid_angles
 from tests.environments import constant, sun_in_sky
 
 ROOT = np.array([0, cmath.rect(1, 0.3 * np.pi), cmath.rect(1, -0.3 * np.pi)])

@@ -5,8 +5,8 @@ import pytest
 
 from capture.errors import InputError
 from lighting.environment import EnvironmentMap
-from lighting.latlong import solid_angles
 from lighting.reduce import reduce_to_lights
+from lighting.sphere.latlong import solid_angles
 from tests.environments import constant, outdoors
 
 

@@ -18,8 +18,13 @@ from calibration.models.mirror_ball import MirrorBall
 from capture.errors import InputError
 from capture.radiance import RadianceImage
 from lighting.footprint import pixel_footprint, row_balance, triangle_solid_angle
-from lighting.latlong import cell_directions, direction_to_grid, grid_to_direction, solid_angles
 from lighting.remap import Remap, apply_remap, build_remap, remap_image
+from lighting.sphere.latlong import (
+    cell_directions,
+    direction_to_grid,
+    grid_to_direction,
+    solid_angles,
+)
 
 
 def rotation(axis: int, angle_rad: float) -> NDArray[np.float64]:

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lighting.environment import EnvironmentMap
-from lighting.latlong import cell_directions, solid_angles
 from lighting.light_set import LightSet
 from lighting.residual import remove_lights
+from lighting.sphere.latlong import cell_directions, solid_angles
 from tests.environments import environment, normals
 from tests.lighting.room import LAMPS, lamps, room
 

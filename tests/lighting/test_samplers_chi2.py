@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from lighting.environment import luminance
-from lighting.latlong import direction_to_grid, solid_angles
 from lighting.methods import hierarchical, inverse_cdf, stratified
+from lighting.sphere.latlong import direction_to_grid, solid_angles
 from tests.chi2 import chi_square_p_value, sidak, sphere_counts, sphere_shares, z_score
 from tests.environments import bright_poles, constant, one_hot, outdoors, sun_in_sky, two_cells
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from capture.errors import InputError
 from lighting.environment import EnvironmentMap, luminance
-from lighting.latlong import cell_directions, direction_to_grid, solid_angles
 from lighting.scenario import Disc, Moment, scenario, split_sun
+from lighting.sphere.latlong import cell_directions, direction_to_grid, solid_angles
 
 HEIGHT = 64
 

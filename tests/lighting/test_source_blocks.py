@@ -18,7 +18,6 @@ from calibration.models.mirror_ball import MirrorBall
 from capture.errors import InputError
 from capture.radiance import RadianceImage
 from lighting.environment import luminance
-from lighting.latlong import cell_directions, solid_angles
 from lighting.light_set import SUN_RADIUS_RAD
 from lighting.pixel_grid import pixel_corners
 from lighting.pixel_moments import polygon_moment
@@ -27,6 +26,7 @@ from lighting.remap import apply_remap, build_remap
 from lighting.scenario import Disc, Moment
 from lighting.simulate import build_view, see
 from lighting.source_blocks import apply_source_blocks, build_source_blocks, picture_blocks
+from lighting.sphere.latlong import cell_directions, solid_angles
 from lighting.summed_area import block_sums
 from tests.environments import environment, irradiance, normals, outdoors
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from lighting.latlong import cell_directions, solid_angles
 from lighting.methods.structured import structured
+from lighting.sphere.latlong import cell_directions, solid_angles
 from tests.environments import constant, environment, one_hot, outdoors, sun_in_sky, turned
 
 

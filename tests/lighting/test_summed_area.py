@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lighting.environment import LUMINANCE_WEIGHTS
-from lighting.latlong import grid_to_direction
+from lighting.sphere.latlong import grid_to_direction
 from lighting.summed_area import (
     block_sums,
     cell_sums,

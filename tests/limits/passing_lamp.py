@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from lighting.latlong import cell_directions
 from lighting.reduce import reduce_to_lights
+from lighting.sphere.latlong import cell_directions
 from tests.environments import environment, irradiance, normals, true_irradiance
 
 ELEVATION = 0.4

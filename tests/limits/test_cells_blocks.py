@@ -9,8 +9,8 @@ Measured : as expected. A block is 0.7° wide, little more than the sun.
 import numpy as np
 import pytest
 
-from lighting.latlong import cell_directions
 from lighting.reduce import reduce_to_lights
+from lighting.sphere.latlong import cell_directions
 from tests.environments import environment
 
 

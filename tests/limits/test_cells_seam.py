@@ -13,8 +13,8 @@ Measured : with 16 lights the lamp has 1 light off the seam, 2 on it; of errors,
 import numpy as np
 import pytest
 
-from lighting.latlong import cell_directions, solid_angles
 from lighting.reduce import reduce_to_lights
+from lighting.sphere.latlong import cell_directions, solid_angles
 from tests.environments import environment, irradiance, normals, outdoors, true_irradiance, turned
 
 HEIGHT = 64

@@ -16,8 +16,8 @@ Measured : with the sky, across the middle: mean 1.5°, largest 94°, 6.1 % of t
 import numpy as np
 import pytest
 
-from lighting.latlong import cell_directions
 from lighting.reduce import reduce_to_lights
+from lighting.sphere.latlong import cell_directions
 from tests.environments import environment, irradiance, normals, true_irradiance
 
 ELEVATION = 0.4

@@ -14,8 +14,8 @@ Measured : at most 0, 2 and 7 lights in the dark; largest turn 97° in a frame; 
 import numpy as np
 import pytest
 
-from lighting.latlong import cell_directions, solid_angles
 from lighting.reduce import reduce_to_lights
+from lighting.sphere.latlong import cell_directions, solid_angles
 from tests.environments import environment, irradiance, normals, true_irradiance
 
 HEIGHT = 64

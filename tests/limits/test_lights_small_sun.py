@@ -13,8 +13,8 @@ Measured : 16 of 16, 64 of 64, 254 of 256 and 1018 of 1024 lights in the sun's c
 import numpy as np
 import pytest
 
-from lighting.latlong import cell_directions, direction_to_grid, solid_angles
 from lighting.reduce import reduce_to_lights
+from lighting.sphere.latlong import cell_directions, direction_to_grid, solid_angles
 from tests.environments import irradiance, sun_in_sky
 
 HEIGHT = 64

@@ -12,8 +12,8 @@ Measured : steps of 0 and 1/count (1.6 % at 64), at most 0.90/count from the tru
 import numpy as np
 import pytest
 
-from lighting.latlong import cell_directions, solid_angles
 from lighting.reduce import reduce_to_lights
+from lighting.sphere.latlong import cell_directions, solid_angles
 from tests.environments import environment
 
 HEIGHT = 64

@@ -13,8 +13,8 @@ Measured : as expected; that light is 21° from the bright lamp and 56° from th
 import numpy as np
 import pytest
 
-from lighting.latlong import cell_directions
 from lighting.reduce import reduce_to_lights
+from lighting.sphere.latlong import cell_directions
 from tests.environments import environment
 
 

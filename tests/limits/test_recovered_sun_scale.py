@@ -16,7 +16,7 @@ from capture.radiance import CD_M2
 from lighting.clipped_source import recover_clipped
 from lighting.environment import EnvironmentMap
 from lighting.illuminance import surface_illuminance
-from lighting.latlong import cell_directions
+from lighting.sphere.latlong import cell_directions
 
 UPWARD = (0.0, 1.0, 0.0)
 SUN = np.array([0.5, np.sqrt(0.75), 0.0])

@@ -13,8 +13,8 @@ import numpy as np
 
 from calibration.camera import UP, Calibration
 from calibration.models.equidistant import Equidistant
-from lighting.latlong import solid_angles
 from lighting.remap import build_remap
+from lighting.sphere.latlong import solid_angles
 
 HEIGHT = 32
 TILT = np.array([[1, 0, 0], [0, 0.96, -0.28], [0, 0.28, 0.96]])  # the edge crosses the grid

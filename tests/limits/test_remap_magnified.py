@@ -14,8 +14,8 @@ import pytest
 from calibration.camera import Calibration
 from calibration.models.equirectangular import full_sphere
 from capture.radiance import RadianceImage
-from lighting.latlong import cell_directions, solid_angles
 from lighting.remap import apply_remap, build_remap
+from lighting.sphere.latlong import cell_directions, solid_angles
 
 HEIGHT = 256
 

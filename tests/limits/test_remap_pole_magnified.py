@@ -16,8 +16,8 @@ import pytest
 from calibration.camera import Calibration
 from calibration.models.equirectangular import full_sphere
 from capture.radiance import RadianceImage
-from lighting.latlong import solid_angles
 from lighting.remap import apply_remap, build_remap
+from lighting.sphere.latlong import solid_angles
 
 WIDTH, HEIGHT = 192, 96
 CAMERA = Calibration(full_sphere((WIDTH, HEIGHT)), (WIDTH, HEIGHT), np.pi)

@@ -13,9 +13,9 @@ Measured : 7.7 % of the light.
 import numpy as np
 import pytest
 
-from lighting.latlong import cell_directions, solid_angles
 from lighting.light_set import LightSet
 from lighting.residual import remove_lights
+from lighting.sphere.latlong import cell_directions, solid_angles
 from tests.environments import environment, irradiance, normals, true_irradiance
 
 HEIGHT = 256

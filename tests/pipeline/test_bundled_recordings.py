@@ -9,8 +9,8 @@ from calibration.files import read_calibration
 from capture.merge import merge_bracket
 from capture.recording import Recording, open_recording
 from lighting.environment import luminance
-from lighting.latlong import cell_directions, solid_angles
 from lighting.remap import apply_remap, build_remap
+from lighting.sphere.latlong import cell_directions, solid_angles
 from lighting.truth import Truth, read_truth
 
 FOLDER = Path(__file__).parents[2] / "recordings"

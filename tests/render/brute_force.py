@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lighting import harmonics
 from lighting.light_set import LightSet
+from lighting.sphere import harmonics
 from render.scene import Camera, Ground, Material
 
 

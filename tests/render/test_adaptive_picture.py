@@ -18,10 +18,10 @@ import numpy as np
 import pytest
 
 from lighting.environment import EnvironmentMap
-from lighting.latlong import cell_directions, solid_angles
 from lighting.light_set import LightSet
 from lighting.reduce import reduce_to_lights
 from lighting.scenario import Moment
+from lighting.sphere.latlong import cell_directions, solid_angles
 from lighting.truth import read_truth
 from render.default_scene import sphere
 from render.renderer import Renderer

@@ -1,4 +1,4 @@
-"""Discs that horizons cut: against exact integrals over their outlines (lighting/caps.py)."""
+"""Discs that horizons cut: against exact integrals over their outlines (lighting.sphere.caps)."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from lighting import caps
+from lighting.sphere import caps
 from render.discs import cut_at_horizon, irradiance_curves, moment_above
 from tests.environments import normals
 

@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from lighting.environment import EnvironmentMap
-from lighting.latlong import cell_directions
 from lighting.light_set import LightSet
+from lighting.sphere.latlong import cell_directions
 from render.preview import CLIPPED_RGB, UNSEEN_RGB, preview
 from tests.render.light_sets import one_light
 

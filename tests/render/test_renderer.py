@@ -8,10 +8,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.errors import InputError
-from lighting import caps
 from lighting.environment import EnvironmentMap
-from lighting.latlong import cell_directions
 from lighting.light_set import LightSet
+from lighting.sphere import caps
+from lighting.sphere.latlong import cell_directions
 from render.default_scene import sphere
 from render.dome import CELLS
 from render.gl import is_software
