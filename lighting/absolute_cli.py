@@ -18,9 +18,9 @@ from lighting.absolute_scale import (
     scale_from_luminance,
 )
 from lighting.clipped_source import recover_clipped
-from lighting.environment import EnvironmentMap
-from lighting.environment_files import read_environment, write_environment
 from lighting.illuminance import FACINGS, Illuminance, sphere_illuminance, surface_illuminance
+from lighting.maps.environment import EnvironmentMap
+from lighting.maps.environment_files import read_environment, write_environment
 
 Switch = Annotated[bool, Parameter(negative=())]
 

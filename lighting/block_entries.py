@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import Calibration
-from lighting.pixel_grid import pixel_corners, pixel_illumination, strip_order
-from lighting.pixel_moments import pixel_moments
+from lighting.maps.pixel_grid import pixel_corners, pixel_illumination, strip_order
+from lighting.maps.pixel_moments import pixel_moments
 from lighting.sphere.latlong import cell_directions, direction_to_grid
 
 

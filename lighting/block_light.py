@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lighting.environment import LUMINANCE_WEIGHTS
+from lighting.maps.environment import LUMINANCE_WEIGHTS
 from lighting.sphere.latlong import solid_angles
 from lighting.summed_area import cells_per_block
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from capture.arrays import read_only
 from capture.radiance import RELATIVE
-from lighting.environment import LUMINANCE_WEIGHTS
+from lighting.maps.environment import LUMINANCE_WEIGHTS
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,8 @@ from capture.errors import InputError
 from capture.output import refuse_existing, write_text
 from capture.progress import progress
 from lighting import chart
-from lighting.environment import EnvironmentMap
-from lighting.environment_files import read_environment
+from lighting.maps.environment import EnvironmentMap
+from lighting.maps.environment_files import read_environment
 from lighting.outdoors import outdoors
 from lighting.reduce import METHODS
 from lighting.sequences import SEQUENCES

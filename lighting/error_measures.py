@@ -20,8 +20,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.environment import EnvironmentMap
 from lighting.light_set import LightSet
+from lighting.maps.environment import EnvironmentMap
 from lighting.sphere import caps, harmonics
 from lighting.sphere.latlong import cell_directions, solid_angles
 

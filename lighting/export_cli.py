@@ -11,12 +11,12 @@ from capture.errors import InputError
 from capture.output import refuse_existing
 from capture.radiance import Cleaned
 from capture.radiance_files import HDR_SUFFIXES
-from lighting.environment import EnvironmentMap
-from lighting.environment_files import read_environment
 from lighting.export.files import SCENE_SUFFIXES, write_map, write_scene
 from lighting.export.orientation import Convention
 from lighting.export.rig import light_rig
 from lighting.light_files import read_lights
+from lighting.maps.environment import EnvironmentMap
+from lighting.maps.environment_files import read_environment
 
 
 def export(

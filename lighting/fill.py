@@ -11,7 +11,7 @@ import numpy as np
 
 from capture.errors import InputError
 from lighting.blocks import BlockSums
-from lighting.environment import LUMINANCE_WEIGHTS, EnvironmentMap
+from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from lighting.sphere.latlong import solid_angles
 from lighting.summed_area import block_sums
 

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.chart import FLICKER, Measurement, System, remembered
-from lighting.environment import EnvironmentMap
 from lighting.error_measures import received, received_from_map, standard_receivers
+from lighting.maps.environment import EnvironmentMap
 from lighting.sequences import Sequence as SkySequence
 from lighting.sequences import frames
 from lighting.steadiness import excess_change

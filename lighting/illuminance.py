@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from capture.errors import InputError
-from lighting.environment import EnvironmentMap, luminance
+from lighting.maps.environment import EnvironmentMap, luminance
 from lighting.sphere.latlong import solid_angles
 
 FACINGS = {

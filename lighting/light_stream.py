@@ -13,8 +13,8 @@ from capture.errors import InputError
 from lighting import temporal
 from lighting.blocks import BlockSums
 from lighting.budget import FIRST_COUNT, FRAMES, next_count
-from lighting.environment import EnvironmentMap
 from lighting.light_set import LightSet
+from lighting.maps.environment import EnvironmentMap
 from lighting.methods import adaptive
 from lighting.reduce import ADAPTIVE, check_request, most_block_rows, reduce_next
 

@@ -7,11 +7,11 @@ from capture.arguments import Output
 from capture.errors import InputError
 from capture.radiance import Cleaned
 from capture.radiance_files import read_radiance
-from lighting.environment_files import read_environment
 from lighting.fill import Fill
 from lighting.light_arguments import Count, Error, MethodName, most_lights
 from lighting.light_files import write_lights
 from lighting.light_set import LightSet
+from lighting.maps.environment_files import read_environment
 from lighting.reduce import ADAPTIVE, reduce_to_lights
 from lighting.reduce_picture import reduce_picture_to_lights
 

@@ -9,8 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lighting.environment import LUMINANCE_WEIGHTS
 from lighting.light_set import SUN_RADIUS_RAD, LightSet
+from lighting.maps.environment import LUMINANCE_WEIGHTS
 from lighting.matching import stable_matching
 
 Array = NDArray[np.float64]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lighting.environment import EnvironmentMap
+from lighting.maps.environment import EnvironmentMap
 from lighting.sphere.latlong import cell_directions
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.environment import EnvironmentMap, luminance
+from lighting.maps.environment import EnvironmentMap, luminance
 from lighting.sampled_lights import cone_radius
 from lighting.sphere.latlong import cell_directions, grid_to_direction, solid_angles
 

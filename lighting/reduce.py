@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from capture.errors import InputError
 from lighting.block_grid import BlockGrid, block_grid
 from lighting.blocks import BlockSums
-from lighting.environment import LUMINANCE_WEIGHTS, EnvironmentMap, luminance
 from lighting.light_set import LightSet
+from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap, luminance
 from lighting.methods.adaptive import (
     Memory,
     Reduced,

@@ -13,8 +13,8 @@ from capture.errors import InputError
 from capture.radiance import RadianceImage
 from lighting.fill import Fill, fill_blocks, fill_unseen
 from lighting.light_set import LightSet
+from lighting.maps.remap import remap_image
 from lighting.reduce import ADAPTIVE, BLOCK_METHODS, reduce_to_lights
-from lighting.remap import remap_image
 from lighting.source_blocks import picture_blocks
 
 _MAP_HEIGHT = 512

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lighting.environment import LUMINANCE_WEIGHTS, luminance
+from lighting.maps.environment import LUMINANCE_WEIGHTS, luminance
 from lighting.sphere.latlong import solid_angles
 
 Array = NDArray[np.float64]

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import InputError
-from lighting.environment import EnvironmentMap, luminance
 from lighting.light_set import SUN_RADIUS_RAD
+from lighting.maps.environment import EnvironmentMap, luminance
 from lighting.sphere.latlong import cell_directions, direction_to_grid, solid_angles
 
 _GLARE_RAD = np.radians(3.0)

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import InputError
-from lighting.environment import EnvironmentMap, luminance
 from lighting.light_set import SUN_RADIUS_RAD
+from lighting.maps.environment import EnvironmentMap, luminance
 from lighting.point_sources import shares_of_points
 from lighting.scenario import Disc
 from lighting.sphere.latlong import cell_directions, solid_angles

@@ -23,7 +23,7 @@ from capture.errors import InputError
 from capture.frame import Exposure
 from capture.recording_writer import create_recording
 from capture.sensor import Sensor, assumed_sensor
-from lighting.environment import luminance
+from lighting.maps.environment import luminance
 from lighting.scenario import Disc, Moment
 from lighting.sphere.latlong import direction_to_grid
 from lighting.truth import write_truth

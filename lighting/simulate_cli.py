@@ -7,7 +7,7 @@ import numpy as np
 
 from capture.arguments import Output, WholeNumber, parse_exposures
 from capture.errors import InputError
-from lighting.environment_files import read_environment
+from lighting.maps.environment_files import read_environment
 from lighting.scenario import scenario
 from lighting.simulate import FrameFormat, simulate_recording
 

@@ -23,7 +23,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lighting.block_grid import BlockGrid, coarsened
-from lighting.environment import LUMINANCE_WEIGHTS
+from lighting.maps.environment import LUMINANCE_WEIGHTS
 from lighting.sphere import harmonics
 
 Array = NDArray[np.float64]

@@ -24,7 +24,7 @@ from capture.errors import InputError
 from capture.radiance import RadianceImage
 from lighting.block_entries import Entries, block_entries
 from lighting.blocks import BlockSums
-from lighting.environment import LUMINANCE_WEIGHTS
+from lighting.maps.environment import LUMINANCE_WEIGHTS
 from lighting.sphere.latlong import grid_to_direction, solid_angles
 from lighting.summed_area import MOST_ROWS
 

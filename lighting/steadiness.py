@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from lighting.environment import luminance
 from lighting.light_set import LightSet
+from lighting.maps.environment import luminance
 
 Array = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from lighting.environment import LUMINANCE_WEIGHTS
+from lighting.maps.environment import LUMINANCE_WEIGHTS
 from lighting.sphere.latlong import solid_angles
 
 Array = NDArray[np.float64]

@@ -43,8 +43,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import InputError
-from lighting.environment import luminance
 from lighting.light_set import LightSet
+from lighting.maps.environment import luminance
 from lighting.mixing import mixed
 from lighting.sphere import harmonics
 

@@ -17,7 +17,7 @@ from capture.files import read_bytes
 from capture.manifest import SensorRecord, check_relative, sensor_of, sensor_record
 from capture.output import write_json
 from capture.sensor import Sensor
-from lighting.environment_files import read_environment, write_environment
+from lighting.maps.environment_files import read_environment, write_environment
 from lighting.scenario import Disc, Moment
 
 _SCHEMA = "fishlight-truth/1"

@@ -13,8 +13,8 @@ from calibration.files import read_calibration
 from capture.merge import merge_bracket
 from capture.pictures import write_png
 from capture.recording import open_recording
+from lighting.maps.remap import apply_remap, build_remap
 from lighting.reduce import reduce_to_lights
-from lighting.remap import apply_remap, build_remap
 from render.baked import BakedRenderer
 from render.default_scene import default_scene
 from render.gl import create_context

@@ -21,8 +21,8 @@ from calibration.files import write_calibration
 from calibration.models.equisolid import Equisolid
 from calibration.models.kannala_brandt import KannalaBrandt
 from capture.errors import InputError
-from lighting.environment import EnvironmentMap
-from lighting.environment_files import read_environment
+from lighting.maps.environment import EnvironmentMap
+from lighting.maps.environment_files import read_environment
 from lighting.scenario import scenario
 from lighting.simulate import simulate_recording
 

@@ -20,8 +20,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.environment import EnvironmentMap
 from lighting.light_set import LightSet
+from lighting.maps.environment import EnvironmentMap
 from lighting.sphere import harmonics
 from render.background import look_up, map_coordinates, picture_rays
 from render.casters import gather_casters

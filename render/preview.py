@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.radiance import RadianceImage
-from lighting.environment import EnvironmentMap
 from lighting.light_set import LightSet
+from lighting.maps.environment import EnvironmentMap
 from lighting.sphere.latlong import direction_to_grid
 from render.view import to_display
 

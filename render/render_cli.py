@@ -5,8 +5,8 @@ from pathlib import Path
 from capture.arguments import Output, parse_size
 from capture.errors import InputError
 from capture.output import refuse_existing
-from lighting.environment_files import read_environment
 from lighting.light_files import read_lights
+from lighting.maps.environment_files import read_environment
 from render.default_scene import default_scene, frame_meshes
 from render.gl import create_context
 from render.mesh import load_meshes

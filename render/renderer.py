@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import InputError
-from lighting.environment import EnvironmentMap
 from lighting.light_set import LightSet
+from lighting.maps.environment import EnvironmentMap
 from render.casters import gather_casters
 from render.discs import irradiance_curves
 from render.dome import dome_lights

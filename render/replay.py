@@ -27,10 +27,10 @@ from capture.picture_memory import PictureMemory
 from capture.progress import progress
 from capture.recording import Recording, open_recording
 from lighting.blocks import BlockSums
-from lighting.environment import EnvironmentMap
 from lighting.light_stream import LightPlan, StreamMemory, next_lights
+from lighting.maps.environment import EnvironmentMap
+from lighting.maps.remap import apply_remap, build_remap
 from lighting.reduce import BLOCK_METHODS
-from lighting.remap import apply_remap, build_remap
 from lighting.source_blocks import apply_source_blocks, build_source_blocks
 from render.baked import BakedRenderer
 from render.gl import create_context, describe

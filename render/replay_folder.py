@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from capture.errors import InputError
 from capture.output import PARTIAL_PREFIX, write_json
 from capture.pictures import write_png
-from lighting.environment import EnvironmentMap
-from lighting.environment_files import write_environment
 from lighting.light_files import write_lights
 from lighting.light_set import LightSet
+from lighting.maps.environment import EnvironmentMap
+from lighting.maps.environment_files import write_environment
 from render.background_writer import BackgroundWriter
 from render.preview import preview
 from render.video import VideoWriter

@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from capture.sensor import srgb_encode
-from lighting.environment import luminance
+from lighting.maps.environment import luminance
 
 MIDDLE_GREY = 0.18
 SHOULDER = 0.8

@@ -14,9 +14,9 @@ from calibration.camera import LEVEL, UP, Calibration
 from calibration.models.equidistant import Equidistant
 from calibration.models.equirectangular import full_sphere
 from capture.radiance import RELATIVE, RadianceImage
-from lighting.environment import EnvironmentMap, luminance
 from lighting.light_set import LightSet
-from lighting.remap import apply_remap, build_remap
+from lighting.maps.environment import EnvironmentMap, luminance
+from lighting.maps.remap import apply_remap, build_remap
 from lighting.sphere.latlong import (
     cell_directions,
     direction_to_grid,

@@ -11,7 +11,6 @@ from pathlib import Path
 from capture.errors import InputError
 from capture.output import replacing
 from capture.radiance_files import write_hdr
-from lighting.environment import EnvironmentMap
 from lighting.export.blender import to_blender
 from lighting.export.gltf import to_glb, to_gltf
 from lighting.export.orientation import Convention, in_convention
@@ -19,6 +18,7 @@ from lighting.export.radiance import to_radiance
 from lighting.export.rig import DomeFile, LightRig
 from lighting.export.usd import to_usda
 from lighting.light_set import LightSet
+from lighting.maps.environment import EnvironmentMap
 
 
 @dataclass(frozen=True)

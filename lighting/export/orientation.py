@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import InputError
-from lighting.environment import EnvironmentMap
+from lighting.maps.environment import EnvironmentMap
 
 Convention = Literal["exr", "mitsuba", "usd", "blender", "three"]
 """The first three show +Z in the middle of the map, as fishlight does; the others our +X, which is

@@ -24,8 +24,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lighting.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from lighting.low_discrepancy import low_discrepancy_points
+from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from lighting.sampled_lights import (
     Array,
     Cells,

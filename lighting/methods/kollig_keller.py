@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from lighting.block_grid import coarsened
 from lighting.cell_splitting import lights_of_sums
-from lighting.environment import EnvironmentMap
 from lighting.farthest_points import farthest_point_strata
+from lighting.maps.environment import EnvironmentMap
 from lighting.nearest_site import TiledPoints, nearest_sites, tiled
 from lighting.summed_area import block_sums, label_sums
 

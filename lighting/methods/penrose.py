@@ -32,7 +32,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lighting.block_light import block_colours, block_light
-from lighting.environment import LUMINANCE_WEIGHTS, EnvironmentMap
+from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from lighting.penrose_tiling import points_below, points_in_rectangles
 from lighting.sampled_lights import Array, cone_radius, with_sum
 from lighting.sphere.equal_area_chart import directions_of, on_chart, on_sphere

@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from lighting.environment import EnvironmentMap
+from lighting.maps.environment import EnvironmentMap
 from lighting.methods import inverse_cdf
 from lighting.sampled_lights import Array
 

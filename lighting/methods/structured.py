@@ -24,8 +24,8 @@ import numpy as np
 from lighting.apportionment import apportion
 from lighting.block_grid import block_grid
 from lighting.cell_splitting import Array, lights_of_sums
-from lighting.environment import EnvironmentMap
 from lighting.farthest_points import farthest_point_strata
+from lighting.maps.environment import EnvironmentMap
 from lighting.nested_regions import nested_regions
 from lighting.summed_area import block_sums, label_sums
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.cell_splitting import Array, Cell, cut_variances, lights_of_cells
-from lighting.environment import EnvironmentMap
+from lighting.maps.environment import EnvironmentMap
 from lighting.summed_area import block_sums, variance
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from lighting import chart, flicker
-from lighting.environment_files import read_environment
+from lighting.maps.environment_files import read_environment
 from lighting.outdoors import outdoors
 from lighting.reduce import METHODS
 from lighting.sequences import SEQUENCES

@@ -31,12 +31,12 @@ from capture.picture_memory import PictureMemory
 from capture.radiance import RadianceImage
 from capture.recording import Recording, open_recording
 from lighting.blocks import BlockSums
-from lighting.environment import EnvironmentMap
 from lighting.light_set import LightSet
+from lighting.maps.environment import EnvironmentMap
+from lighting.maps.remap import apply_remap, build_remap
 from lighting.methods.adaptive import Memory
 from lighting.peers import median_cut
 from lighting.reduce import most_block_rows, reduce_next
-from lighting.remap import apply_remap, build_remap
 from lighting.scenario import scenario
 from lighting.simulate import simulate_recording
 from lighting.source_blocks import apply_source_blocks, build_source_blocks

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from calibration.camera import UP, Calibration
 from calibration.models.equidistant import Equidistant
 from capture.radiance import RadianceImage
-from lighting.remap import apply_remap, build_remap
+from lighting.maps.remap import apply_remap, build_remap
 from lighting.sphere.latlong import cell_directions, grid_to_direction, solid_angles
 
 SIZE = 1024

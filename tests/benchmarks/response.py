@@ -30,7 +30,7 @@ from capture.errors import InputError
 from capture.frame import Bracket, Exposure
 from capture.merge import merge_bracket
 from capture.sensor import assumed_sensor
-from lighting.environment_files import read_environment
+from lighting.maps.environment_files import read_environment
 from tests.calibration.response_scenes import CURVES, error_ev, true_sensor
 from tests.capture.simulated_bracket import record
 

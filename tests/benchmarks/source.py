@@ -17,7 +17,7 @@ from calibration.camera import UP, Calibration
 from calibration.models.equidistant import Equidistant
 from capture.radiance import RadianceImage
 from lighting.light_set import SUN_RADIUS_RAD
-from lighting.remap import apply_remap, build_remap
+from lighting.maps.remap import apply_remap, build_remap
 from lighting.scenario import Disc, Moment
 from lighting.simulate import build_view, see
 from lighting.source_blocks import apply_source_blocks, build_source_blocks

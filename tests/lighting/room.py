@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.environment import EnvironmentMap
 from lighting.light_set import LightSet
+from lighting.maps.environment import EnvironmentMap
 from lighting.sphere.latlong import cell_directions, solid_angles
 from tests.environments import environment, true_irradiance
 

@@ -22,9 +22,9 @@ from lighting.absolute_scale import (
     scale_from_luminance,
 )
 from lighting.clipped_source import SUN_RADIUS_RAD, recover_clipped
-from lighting.environment import EnvironmentMap, luminance
-from lighting.environment_files import read_environment, write_environment
 from lighting.illuminance import FACINGS, sphere_illuminance, surface_illuminance
+from lighting.maps.environment import EnvironmentMap, luminance
+from lighting.maps.environment_files import read_environment, write_environment
 from lighting.sphere.latlong import cell_directions, direction_to_grid, solid_angles
 
 UPWARD = (0.0, 1.0, 0.0)

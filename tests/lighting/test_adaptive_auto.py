@@ -16,7 +16,6 @@ import pytest
 
 from capture.errors import InputError
 from lighting.block_grid import coarsened
-from lighting.environment_files import read_environment
 from lighting.error_measures import (
     Receivers,
     behind_occluders,
@@ -25,6 +24,7 @@ from lighting.error_measures import (
     relative_rms,
     standard_receivers,
 )
+from lighting.maps.environment_files import read_environment
 from lighting.reduce import reduce_to_lights
 from lighting.sequences import SEQUENCES, Sequence, Source, frames
 from lighting.sphere.latlong import cell_directions, solid_angles

@@ -12,9 +12,9 @@ from calibration.models.mirror_ball import MirrorBall
 from capture.errors import InputError
 from capture.radiance import RadianceImage
 from capture.radiance_files import write_radiance
-from lighting.combine import View, align_views, combine_views
 from lighting.combine_cli import combine
-from lighting.environment_files import read_environment
+from lighting.maps.combine import View, align_views, combine_views
+from lighting.maps.environment_files import read_environment
 from lighting.sphere.latlong import cell_directions, solid_angles
 from tests.calibration.ball_pictures import room
 

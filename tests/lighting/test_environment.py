@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from capture.errors import InputError
-from lighting.environment import EnvironmentMap, luminance
 from lighting.fill import fill_unseen
+from lighting.maps.environment import EnvironmentMap, luminance
 from tests.environments import constant
 
 

@@ -11,8 +11,8 @@ from capture.decoding import decode
 from capture.errors import InputError
 from capture.exr import read_exr, write_exr
 from capture.radiance_files import write_hdr
-from lighting.environment import EnvironmentMap
-from lighting.environment_files import read_environment, write_environment
+from lighting.maps.environment import EnvironmentMap
+from lighting.maps.environment_files import read_environment, write_environment
 from lighting.sphere.latlong import cell_directions, solid_angles
 
 DATA = Path(__file__).resolve().parents[2].parent / "shared/data"

@@ -9,9 +9,9 @@ import pytest
 from capture.errors import InputError
 from capture.exr import read_exr
 from capture.radiance_files import read_hdr, write_hdr
-from lighting.environment_files import read_environment, write_environment
 from lighting.export_cli import export
 from lighting.light_files import write_lights
+from lighting.maps.environment_files import read_environment, write_environment
 from tests.environments import constant
 from tests.lighting.room import lamps, room
 

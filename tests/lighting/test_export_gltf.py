@@ -5,10 +5,10 @@ import pytest
 from pygltflib import GLTF2
 from scipy.spatial.transform import Rotation
 
-from lighting.environment_files import read_environment
 from lighting.export.files import write_scene
 from lighting.export.rig import light_rig
 from lighting.light_set import LightSet
+from lighting.maps.environment_files import read_environment
 from tests.environments import normals
 from tests.lighting.room import assert_lit_by_the_room, lamps, room
 

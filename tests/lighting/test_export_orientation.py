@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from capture.errors import InputError
-from lighting.environment import EnvironmentMap
 from lighting.export.orientation import in_convention, quaternions, z_up
+from lighting.maps.environment import EnvironmentMap
 from lighting.sphere.latlong import cell_directions
 from tests.environments import constant, normals
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdGeom, UsdLux
 
-from lighting.environment_files import read_environment
 from lighting.export.files import write_scene
 from lighting.export.rig import light_rig
 from lighting.light_set import LightSet
+from lighting.maps.environment_files import read_environment
 from tests.lighting.room import assert_lit_by_the_room, lamps, room
 
 

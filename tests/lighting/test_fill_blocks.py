@@ -5,8 +5,8 @@ import pytest
 
 from capture.errors import InputError
 from lighting.blocks import BlockSums
-from lighting.environment import EnvironmentMap
 from lighting.fill import fill_blocks, fill_unseen
+from lighting.maps.environment import EnvironmentMap
 from lighting.sphere.latlong import solid_angles
 from lighting.summed_area import block_sums
 

@@ -10,11 +10,11 @@ from calibration.files import write_calibration
 from calibration.models.equidistant import Equidistant
 from capture.errors import InputError
 from capture.exr import write_exr
-from lighting.environment import EnvironmentMap
-from lighting.environment_files import read_environment, write_environment
 from lighting.light_arguments import DEFAULT_ERROR
 from lighting.light_files import read_lights
 from lighting.lights_cli import lights
+from lighting.maps.environment import EnvironmentMap
+from lighting.maps.environment_files import read_environment, write_environment
 from lighting.reduce import METHODS, reduce_to_lights
 from lighting.remap_cli import remap
 from render.main import main

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lighting.environment import luminance
 from lighting.light_set import SUN_RADIUS_RAD, LightSet
+from lighting.maps.environment import luminance
 from lighting.mixing import MOST_FADING, mixed
 from tests.lighting_sets import assert_same_lights, random_set, towards
 

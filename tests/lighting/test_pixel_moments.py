@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from calibration.camera import LEVEL, UP, Calibration
 from calibration.models.equidistant import Equidistant
 from calibration.models.equirectangular import full_sphere
-from lighting.pixel_grid import pixel_corners
-from lighting.pixel_moments import pixel_moments, polygon_moment
+from lighting.maps.pixel_grid import pixel_corners
+from lighting.maps.pixel_moments import pixel_moments, polygon_moment
 
 X, Y, Z = np.eye(3)
 

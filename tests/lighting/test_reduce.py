@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from capture.errors import InputError
-from lighting.environment import EnvironmentMap
+from lighting.maps.environment import EnvironmentMap
 from lighting.reduce import reduce_to_lights
 from lighting.sphere.latlong import solid_angles
 from tests.environments import constant, outdoors

@@ -9,13 +9,13 @@ from capture.errors import InputError
 from capture.radiance import RadianceImage
 from lighting.blocks import BlockSums
 from lighting.fill import fill_blocks, fill_unseen
+from lighting.maps.remap import remap_image
 from lighting.reduce import (
     BLOCK_METHODS,
     METHODS,
     reduce_to_lights,
 )
 from lighting.reduce_picture import reduce_picture_to_lights
-from lighting.remap import remap_image
 from lighting.source_blocks import picture_blocks
 from lighting.summed_area import block_sums
 from tests.environments import outdoors

@@ -12,8 +12,8 @@ from capture.errors import InputError
 from capture.exr import write_exr
 from capture.radiance import RadianceImage
 from capture.radiance_files import write_radiance
-from lighting.environment_files import read_environment
 from lighting.fill import Fill
+from lighting.maps.environment_files import read_environment
 from lighting.remap_cli import remap
 
 CAMERA = Calibration(Equidistant((31.5, 31.5), 64 / np.pi), (64, 64), np.pi / 2, UP)

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lighting.environment import EnvironmentMap
 from lighting.light_set import LightSet
+from lighting.maps.environment import EnvironmentMap
 from lighting.residual import remove_lights
 from lighting.sphere.latlong import cell_directions, solid_angles
 from tests.environments import environment, normals

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from lighting.environment import luminance
+from lighting.maps.environment import luminance
 from lighting.methods import hierarchical, inverse_cdf, stratified
 from lighting.sphere.latlong import direction_to_grid, solid_angles
 from tests.chi2 import chi_square_p_value, sidak, sphere_counts, sphere_shares, z_score

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from capture.errors import InputError
-from lighting.environment import luminance
+from lighting.maps.environment import luminance
 from lighting.sequences import RATE_HZ, SEQUENCES, Sequence, Source, frames
 from lighting.summed_area import block_sums
 

@@ -19,8 +19,8 @@ from capture.errors import InputError
 from capture.frame import Exposure
 from capture.recording import open_recording
 from capture.sensor import Sensor
-from lighting.environment import EnvironmentMap
-from lighting.environment_files import write_environment
+from lighting.maps.environment import EnvironmentMap
+from lighting.maps.environment_files import write_environment
 from lighting.scenario import Disc, Moment, scenario
 from lighting.simulate import (
     build_view,

@@ -17,12 +17,12 @@ from calibration.models.equisolid import Equisolid
 from calibration.models.mirror_ball import MirrorBall
 from capture.errors import InputError
 from capture.radiance import RadianceImage
-from lighting.environment import luminance
 from lighting.light_set import SUN_RADIUS_RAD
-from lighting.pixel_grid import pixel_corners
-from lighting.pixel_moments import polygon_moment
+from lighting.maps.environment import luminance
+from lighting.maps.pixel_grid import pixel_corners
+from lighting.maps.pixel_moments import polygon_moment
+from lighting.maps.remap import apply_remap, build_remap
 from lighting.reduce import reduce_to_lights
-from lighting.remap import apply_remap, build_remap
 from lighting.scenario import Disc, Moment
 from lighting.simulate import build_view, see
 from lighting.source_blocks import apply_source_blocks, build_source_blocks, picture_blocks

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lighting.environment import LUMINANCE_WEIGHTS
+from lighting.maps.environment import LUMINANCE_WEIGHTS
 from lighting.sphere.latlong import grid_to_direction
 from lighting.summed_area import (
     block_sums,

@@ -10,7 +10,7 @@ Measured : Lloyd 29, Kollig and Keller 4.0.
 
 import pytest
 
-from lighting.environment import luminance
+from lighting.maps.environment import luminance
 from lighting.reduce import reduce_to_lights
 from tests.environments import outdoors
 

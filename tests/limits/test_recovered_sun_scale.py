@@ -14,8 +14,8 @@ import pytest
 
 from capture.radiance import CD_M2
 from lighting.clipped_source import recover_clipped
-from lighting.environment import EnvironmentMap
 from lighting.illuminance import surface_illuminance
+from lighting.maps.environment import EnvironmentMap
 from lighting.sphere.latlong import cell_directions
 
 UPWARD = (0.0, 1.0, 0.0)

@@ -13,7 +13,7 @@ import numpy as np
 
 from calibration.camera import UP, Calibration
 from calibration.models.equidistant import Equidistant
-from lighting.remap import build_remap
+from lighting.maps.remap import build_remap
 from lighting.sphere.latlong import solid_angles
 
 HEIGHT = 32

@@ -14,7 +14,7 @@ import pytest
 from calibration.camera import Calibration
 from calibration.models.equirectangular import full_sphere
 from capture.radiance import RadianceImage
-from lighting.remap import apply_remap, build_remap
+from lighting.maps.remap import apply_remap, build_remap
 from lighting.sphere.latlong import cell_directions, solid_angles
 
 HEIGHT = 256

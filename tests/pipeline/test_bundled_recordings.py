@@ -8,8 +8,8 @@ import pytest
 from calibration.files import read_calibration
 from capture.merge import merge_bracket
 from capture.recording import Recording, open_recording
-from lighting.environment import luminance
-from lighting.remap import apply_remap, build_remap
+from lighting.maps.environment import luminance
+from lighting.maps.remap import apply_remap, build_remap
 from lighting.sphere.latlong import cell_directions, solid_angles
 from lighting.truth import Truth, read_truth
 

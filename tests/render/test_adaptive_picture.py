@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lighting.environment import EnvironmentMap
 from lighting.light_set import LightSet
+from lighting.maps.environment import EnvironmentMap
 from lighting.reduce import reduce_to_lights
 from lighting.scenario import Moment
 from lighting.sphere.latlong import cell_directions, solid_angles

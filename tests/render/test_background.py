@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from lighting.environment import EnvironmentMap
+from lighting.maps.environment import EnvironmentMap
 from render.background import look_up, map_coordinates, picture_rays
 from render.renderer import Renderer
 from render.scene import Camera, Ground, Scene

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from lighting.environment import EnvironmentMap
 from lighting.light_set import LightSet
+from lighting.maps.environment import EnvironmentMap
 from lighting.sphere.latlong import cell_directions
 from render.preview import CLIPPED_RGB, UNSEEN_RGB, preview
 from tests.render.light_sets import one_light

@@ -8,9 +8,9 @@ from capture.arguments import parse_size
 from capture.errors import InputError
 from capture.exr import read_exr
 from capture.pictures import read_picture
-from lighting.environment import EnvironmentMap
-from lighting.environment_files import write_environment
 from lighting.light_files import write_lights
+from lighting.maps.environment import EnvironmentMap
+from lighting.maps.environment_files import write_environment
 from render.render_cli import parse_exposure, render
 from tests.render.light_sets import random_lights
 

@@ -8,8 +8,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.errors import InputError
-from lighting.environment import EnvironmentMap
 from lighting.light_set import LightSet
+from lighting.maps.environment import EnvironmentMap
 from lighting.sphere import caps
 from lighting.sphere.latlong import cell_directions
 from render.default_scene import sphere

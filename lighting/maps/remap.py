@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from calibration.camera import Calibration
 from capture.errors import InputError
 from capture.radiance import RadianceImage
-from lighting.environment import EnvironmentMap
-from lighting.footprint import BAND_PARTS, add_band, count_entries, fill_entries, row_balance
-from lighting.pixel_grid import pixel_corners, pixel_illumination, strip_order
+from lighting.maps.environment import EnvironmentMap
+from lighting.maps.footprint import BAND_PARTS, add_band, count_entries, fill_entries, row_balance
+from lighting.maps.pixel_grid import pixel_corners, pixel_illumination, strip_order
 from lighting.sphere.latlong import solid_angles
 
 _FULL = 0.8

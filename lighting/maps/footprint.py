@@ -6,7 +6,7 @@ area around it (a pixel that ends in a pole is a wedge) and is shared among the 
 tent in row and column. A tent of one cell keeps the position of what it shares out; where a
 sub-sample spans more than a cell (magnification; columns near a pole) its tent spans as much, so
 that no cell between two sub-samples is left out.
-Domain : the compiled kernels work on plain arrays; lighting/remap.py is their door.
+Domain : the compiled kernels work on plain arrays; lighting/maps/remap.py is their door.
 Fails  : for pixels that span more than about 90°, whose corners no longer tell their shape; in the
 outermost rows of a 360° picture magnified twofold or more, whose pixels gain or lose up to 5 %.
 """

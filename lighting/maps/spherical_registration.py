@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.environment import luminance
+from lighting.maps.environment import luminance
 from lighting.sphere.latlong import cell_directions, direction_to_grid, solid_angles
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from capture.errors import InputError
 from capture.radiance import Cleaned, clean_radiance
 from capture.radiance_files import read_hdr, write_hdr
-from lighting.environment import EnvironmentMap
+from lighting.maps.environment import EnvironmentMap
 
 
 def read_environment(path: Path) -> tuple[EnvironmentMap, Cleaned]:

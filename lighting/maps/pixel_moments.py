@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lighting.footprint import triangle_solid_angle
+from lighting.maps.footprint import triangle_solid_angle
 
 
 def pixel_moments(

@@ -18,10 +18,10 @@ from calibration.camera import Calibration
 from calibration.sharpness import pixels_per_rad
 from capture.errors import InputError
 from capture.radiance import RadianceImage
-from lighting.environment import EnvironmentMap
-from lighting.remap import remap_image
+from lighting.maps.environment import EnvironmentMap
+from lighting.maps.remap import remap_image
+from lighting.maps.spherical_registration import Turn, register_turn
 from lighting.sphere.latlong import cell_directions
-from lighting.spherical_registration import Turn, register_turn
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,1 @@
+"""Environment maps: what they are, their files, and how pictures become them."""
