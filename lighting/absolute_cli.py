@@ -11,16 +11,21 @@ from capture.arguments import Output
 from capture.errors import InputError
 from capture.output import refuse_existing
 from capture.radiance import CD_M2
-from lighting.absolute_scale import (
+from lighting.maps.environment import EnvironmentMap
+from lighting.maps.environment_files import read_environment, write_environment
+from lighting.photometry.absolute_scale import (
     grey_card_luminance,
     in_cd_m2,
     scale_from_illuminance,
     scale_from_luminance,
 )
-from lighting.clipped_source import recover_clipped
-from lighting.illuminance import FACINGS, Illuminance, sphere_illuminance, surface_illuminance
-from lighting.maps.environment import EnvironmentMap
-from lighting.maps.environment_files import read_environment, write_environment
+from lighting.photometry.clipped_source import recover_clipped
+from lighting.photometry.illuminance import (
+    FACINGS,
+    Illuminance,
+    sphere_illuminance,
+    surface_illuminance,
+)
 
 Switch = Annotated[bool, Parameter(negative=())]
 

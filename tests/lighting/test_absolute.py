@@ -15,16 +15,16 @@ from calibration.models.equidistant import Equidistant
 from capture.errors import InputError
 from capture.radiance import CD_M2
 from lighting.absolute_cli import illuminance, recover, scale
-from lighting.absolute_scale import (
+from lighting.maps.environment import EnvironmentMap, luminance
+from lighting.maps.environment_files import read_environment, write_environment
+from lighting.photometry.absolute_scale import (
     grey_card_luminance,
     in_cd_m2,
     scale_from_illuminance,
     scale_from_luminance,
 )
-from lighting.clipped_source import SUN_RADIUS_RAD, recover_clipped
-from lighting.illuminance import FACINGS, sphere_illuminance, surface_illuminance
-from lighting.maps.environment import EnvironmentMap, luminance
-from lighting.maps.environment_files import read_environment, write_environment
+from lighting.photometry.clipped_source import SUN_RADIUS_RAD, recover_clipped
+from lighting.photometry.illuminance import FACINGS, sphere_illuminance, surface_illuminance
 from lighting.sphere.latlong import cell_directions, direction_to_grid, solid_angles
 
 UPWARD = (0.0, 1.0, 0.0)

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from capture.radiance import CD_M2
-from lighting.clipped_source import recover_clipped
-from lighting.illuminance import surface_illuminance
 from lighting.maps.environment import EnvironmentMap
+from lighting.photometry.clipped_source import recover_clipped
+from lighting.photometry.illuminance import surface_illuminance
 from lighting.sphere.latlong import cell_directions
 
 UPWARD = (0.0, 1.0, 0.0)

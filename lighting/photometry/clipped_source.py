@@ -18,8 +18,8 @@ from scipy.sparse.csgraph import connected_components
 
 from capture.errors import InputError
 from capture.radiance import CD_M2
-from lighting.illuminance import cosine_weights, surface_illuminance, unit
 from lighting.maps.environment import EnvironmentMap, luminance
+from lighting.photometry.illuminance import cosine_weights, surface_illuminance, unit
 from lighting.sphere.latlong import cell_directions, direction_to_grid, solid_angles
 
 SUN_RADIUS_RAD = np.radians(0.53 / 2)

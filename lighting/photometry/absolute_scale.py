@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 
 from capture.errors import InputError
 from capture.radiance import CD_M2, RELATIVE
-from lighting.illuminance import surface_illuminance, unit
 from lighting.maps.environment import EnvironmentMap, luminance
+from lighting.photometry.illuminance import surface_illuminance, unit
 from lighting.sphere.latlong import cell_directions, direction_to_grid, solid_angles
 
 _MOST_UNSEEN = 0.02
