@@ -12,9 +12,9 @@ from capture.progress import progress
 from lighting import chart
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import read_environment
-from lighting.outdoors import outdoors
 from lighting.reduce import METHODS
-from lighting.sequences import SEQUENCES
+from lighting.simulation.outdoors import outdoors
+from lighting.simulation.sequences import SEQUENCES
 
 KNOWN_NAME = "measurements.json"
 _MADE_ROWS = 512

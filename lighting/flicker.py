@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from lighting.chart import FLICKER, Measurement, System, remembered
 from lighting.error_measures import received, received_from_map, standard_receivers
 from lighting.maps.environment import EnvironmentMap
-from lighting.sequences import Sequence as SkySequence
-from lighting.sequences import frames
+from lighting.simulation.sequences import Sequence as SkySequence
+from lighting.simulation.sequences import frames
 from lighting.steadiness import excess_change
 
 Array = NDArray[np.float64]

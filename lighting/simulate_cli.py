@@ -8,8 +8,8 @@ import numpy as np
 from capture.arguments import Output, WholeNumber, parse_exposures
 from capture.errors import InputError
 from lighting.maps.environment_files import read_environment
-from lighting.scenario import scenario
-from lighting.simulate import FrameFormat, simulate_recording
+from lighting.simulation.scenario import scenario
+from lighting.simulation.simulate import FrameFormat, simulate_recording
 
 _BRACKETS = 24
 

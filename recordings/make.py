@@ -23,8 +23,8 @@ from calibration.models.kannala_brandt import KannalaBrandt
 from capture.errors import InputError
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import read_environment
-from lighting.scenario import scenario
-from lighting.simulate import simulate_recording
+from lighting.simulation.scenario import scenario
+from lighting.simulation.simulate import simulate_recording
 
 PACKAGE = "@pmndrs/assets@1.7.0"
 BRACKETS = 24

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from lighting.error_measures import spread_directions
 from lighting.maps.environment import EnvironmentMap
-from lighting.outdoors import outdoors as outdoors  # the tests' map too
+from lighting.simulation.outdoors import outdoors as outdoors  # the tests' map too
 from lighting.sphere.latlong import cell_directions
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from lighting.error_measures import Receivers, received, received_from_map, standard_receivers
 from lighting.reduce import reduce_next
-from lighting.sequences import SEQUENCES, frames
+from lighting.simulation.sequences import SEQUENCES, frames
 from lighting.steadiness import direction_motion, error_change, excess_change
 from lighting.temporal import steady
 

@@ -9,9 +9,9 @@ from typing import Any
 
 from lighting import chart, flicker
 from lighting.maps.environment_files import read_environment
-from lighting.outdoors import outdoors
 from lighting.reduce import METHODS
-from lighting.sequences import SEQUENCES
+from lighting.simulation.outdoors import outdoors
+from lighting.simulation.sequences import SEQUENCES
 
 OURS = "cells"
 """The method that peers' times are compared with."""

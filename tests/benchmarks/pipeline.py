@@ -37,8 +37,8 @@ from lighting.maps.remap import apply_remap, build_remap
 from lighting.methods.adaptive import Memory
 from lighting.peers import median_cut
 from lighting.reduce import most_block_rows, reduce_next
-from lighting.scenario import scenario
-from lighting.simulate import simulate_recording
+from lighting.simulation.scenario import scenario
+from lighting.simulation.simulate import simulate_recording
 from lighting.source_blocks import apply_source_blocks, build_source_blocks
 from lighting.sphere.latlong import cell_directions
 from render.baked import BakedRenderer

@@ -18,8 +18,8 @@ from calibration.models.equidistant import Equidistant
 from capture.radiance import RadianceImage
 from lighting.light_set import SUN_RADIUS_RAD
 from lighting.maps.remap import apply_remap, build_remap
-from lighting.scenario import Disc, Moment
-from lighting.simulate import build_view, see
+from lighting.simulation.scenario import Disc, Moment
+from lighting.simulation.simulate import build_view, see
 from lighting.source_blocks import apply_source_blocks, build_source_blocks
 from lighting.sphere.latlong import cell_directions, solid_angles
 from lighting.summed_area import block_sums

@@ -26,7 +26,7 @@ from lighting.error_measures import (
 )
 from lighting.maps.environment_files import read_environment
 from lighting.reduce import reduce_to_lights
-from lighting.sequences import SEQUENCES, Sequence, Source, frames
+from lighting.simulation.sequences import SEQUENCES, Sequence, Source, frames
 from lighting.sphere.latlong import cell_directions, solid_angles
 from lighting.summed_area import block_sums
 from tests.environments import constant, environment, outdoors

@@ -13,7 +13,7 @@ from lighting.chart import FLICKER, Measurement, Point, as_csv, pareto_front, po
 from lighting.chart_drawing import THEMES, draw
 from lighting.error_measures import errors, received, received_from_map, standard_receivers, truth
 from lighting.reduce import METHODS, reduce_to_lights
-from lighting.sequences import SEQUENCES, frames
+from lighting.simulation.sequences import SEQUENCES, frames
 from tests.environments import constant, outdoors
 
 

@@ -10,7 +10,7 @@ from capture.errors import InputError
 from lighting import chart, chart_cli, chart_drawing, flicker
 from lighting.chart_cli import chart_lights
 from lighting.maps.environment_files import write_environment
-from lighting.sequences import SEQUENCES
+from lighting.simulation.sequences import SEQUENCES
 from render.main import main
 from tests.environments import constant, environment, outdoors
 

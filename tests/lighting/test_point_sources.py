@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lighting.point_sources import shares_of_points
+from lighting.simulation.point_sources import shares_of_points
 from lighting.sphere.latlong import cell_directions, solid_angles
 from lighting.summed_area import block_sums
 

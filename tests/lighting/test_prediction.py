@@ -12,7 +12,7 @@ from lighting.cell_tree import grow_tree, tree_sums
 from lighting.error_measures import behind_occluders, errors, truth
 from lighting.light_set import SUN_RADIUS_RAD
 from lighting.reduce import reduce_to_lights
-from lighting.sequences import SEQUENCES, Sequence, Source, frames
+from lighting.simulation.sequences import SEQUENCES, Sequence, Source, frames
 from lighting.sphere import harmonics
 from lighting.sphere.latlong import cell_directions
 from lighting.summed_area import block_sums, summed_area_tables

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from capture.errors import InputError
 from lighting.maps.environment import EnvironmentMap, luminance
-from lighting.scenario import Disc, Moment, scenario, split_sun
+from lighting.simulation.scenario import Disc, Moment, scenario, split_sun
 from lighting.sphere.latlong import cell_directions, direction_to_grid, solid_angles
 
 HEIGHT = 64

@@ -5,7 +5,7 @@ import pytest
 
 from capture.errors import InputError
 from lighting.maps.environment import luminance
-from lighting.sequences import RATE_HZ, SEQUENCES, Sequence, Source, frames
+from lighting.simulation.sequences import RATE_HZ, SEQUENCES, Sequence, Source, frames
 from lighting.summed_area import block_sums
 
 ROWS, COUNT = 16, 21

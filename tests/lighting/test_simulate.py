@@ -21,8 +21,9 @@ from capture.recording import open_recording
 from capture.sensor import Sensor
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import write_environment
-from lighting.scenario import Disc, Moment, scenario
-from lighting.simulate import (
+from lighting.simulate_cli import simulate
+from lighting.simulation.scenario import Disc, Moment, scenario
+from lighting.simulation.simulate import (
     build_view,
     expose,
     fitting_exposures,
@@ -30,8 +31,7 @@ from lighting.simulate import (
     simulate_recording,
     simulated_sensor,
 )
-from lighting.simulate_cli import simulate
-from lighting.truth import read_truth
+from lighting.simulation.truth import read_truth
 
 SIDE = 120
 SIZE = (SIDE, SIDE)

@@ -23,8 +23,8 @@ from lighting.maps.pixel_grid import pixel_corners
 from lighting.maps.pixel_moments import polygon_moment
 from lighting.maps.remap import apply_remap, build_remap
 from lighting.reduce import reduce_to_lights
-from lighting.scenario import Disc, Moment
-from lighting.simulate import build_view, see
+from lighting.simulation.scenario import Disc, Moment
+from lighting.simulation.simulate import build_view, see
 from lighting.source_blocks import apply_source_blocks, build_source_blocks, picture_blocks
 from lighting.sphere.latlong import cell_directions, solid_angles
 from lighting.summed_area import block_sums

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from lighting.reduce import reduce_next
-from lighting.sequences import Sequence, Source, frames
+from lighting.simulation.sequences import Sequence, Source, frames
 
 FRAMES = 12
 MIDDLE, ACROSS = np.array([0.48, 0.6, 0.64]), np.array([0.8, 0.0, -0.6])

@@ -26,7 +26,7 @@ import pytest
 
 from lighting.error_measures import Receivers, received, received_from_map, standard_receivers
 from lighting.reduce import reduce_next
-from lighting.sequences import SEQUENCES, frames
+from lighting.simulation.sequences import SEQUENCES, frames
 from lighting.steadiness import error_change, excess_change
 
 FRAMES = 16

@@ -14,7 +14,7 @@ import pytest
 
 from lighting.block_grid import block_grid
 from lighting.key_lights import KeyLights, take_key_lights
-from lighting.sequences import Sequence, Source, frames
+from lighting.simulation.sequences import Sequence, Source, frames
 from lighting.summed_area import block_sums
 
 

@@ -10,8 +10,8 @@ from capture.merge import merge_bracket
 from capture.recording import Recording, open_recording
 from lighting.maps.environment import luminance
 from lighting.maps.remap import apply_remap, build_remap
+from lighting.simulation.truth import Truth, read_truth
 from lighting.sphere.latlong import cell_directions, solid_angles
-from lighting.truth import Truth, read_truth
 
 FOLDER = Path(__file__).parents[2] / "recordings"
 NAMES = ("outdoor", "indoor")

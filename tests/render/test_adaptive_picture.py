@@ -20,9 +20,9 @@ import pytest
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from lighting.reduce import reduce_to_lights
-from lighting.scenario import Moment
+from lighting.simulation.scenario import Moment
+from lighting.simulation.truth import read_truth
 from lighting.sphere.latlong import cell_directions, solid_angles
-from lighting.truth import read_truth
 from render.default_scene import sphere
 from render.renderer import Renderer
 from render.scene import Camera, Ground, Material, Scene

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from capture.errors import InputError
 from lighting.light_set import SUN_RADIUS_RAD
 from lighting.maps.environment import EnvironmentMap, luminance
-from lighting.point_sources import shares_of_points
-from lighting.scenario import Disc
+from lighting.simulation.point_sources import shares_of_points
+from lighting.simulation.scenario import Disc
 from lighting.sphere.latlong import cell_directions, solid_angles
 
 Array = NDArray[np.float64]

@@ -24,9 +24,9 @@ from capture.frame import Exposure
 from capture.recording_writer import create_recording
 from capture.sensor import Sensor, assumed_sensor
 from lighting.maps.environment import luminance
-from lighting.scenario import Disc, Moment
+from lighting.simulation.scenario import Disc, Moment
+from lighting.simulation.truth import write_truth
 from lighting.sphere.latlong import direction_to_grid
-from lighting.truth import write_truth
 
 FrameFormat = Literal["jpeg", "png", "png16"]
 
@@ -181,7 +181,7 @@ def simulate_recording(
     Parameters
     ----------
     folder : Path
-        Of the recording; truth/ inside it holds what was simulated (lighting.truth).
+        Of the recording; truth/ inside it holds what was simulated (lighting.simulation.truth).
     moments : sequence of Moment
         One for each bracket.
     calibration_path : Path

@@ -18,7 +18,7 @@ from capture.manifest import SensorRecord, check_relative, sensor_of, sensor_rec
 from capture.output import write_json
 from capture.sensor import Sensor
 from lighting.maps.environment_files import read_environment, write_environment
-from lighting.scenario import Disc, Moment
+from lighting.simulation.scenario import Disc, Moment
 
 _SCHEMA = "fishlight-truth/1"
 _FILE = "truth.json"

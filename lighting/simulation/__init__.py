@@ -1,0 +1,1 @@
+"""Made scenes whose truth is known: a simulated camera, skies that change, a map like outdoors."""
