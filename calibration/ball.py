@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.ball_outline import Outline, Pinhole
+from calibration.ball_cone import Pinhole
+from calibration.ball_outline import Outline
 from calibration.camera import LEVEL, Calibration
 from calibration.models.mirror_ball import MirrorBall
 from calibration.models.mirror_ball_off_axis import MirrorBallOffAxis
@@ -28,6 +29,8 @@ ASSUMED_RATIO = (20.0, 10.0)
 or farther off."""
 _WIDEST_PX_RAD = np.radians(5.0)
 """Angle across one pixel at which the stretched rim ends being a measurement."""
+_LARGEST_DEVIATION_RAD = np.radians(20.0)
+"""Standard deviation of a direction at which it does so: only of balls that were marked by hand."""
 _AZIMUTHS = 8
 _ANGLES = 720
 
@@ -39,7 +42,7 @@ class BallFit:
     Attributes
     ----------
     calibration : Calibration
-        Valid up to where a pixel spans 5°.
+        Valid up to where a pixel spans 5°, or its direction is uncertain by 20°.
     angles_rad, deviation_rad : (A,) float64
         Angles from the direction back to the camera, and the standard deviation of directions
         there: what outline and D/R leave open, in the worst of eight azimuths.
@@ -95,10 +98,6 @@ def fit_ball(
     directions = np.stack(
         [sine * np.cos(azimuth), sine * np.sin(azimuth), -cosine + 0 * azimuth], axis=-1
     )
-    sharp = (pixels_per_rad(model, directions) * _WIDEST_PX_RAD >= 1).all(axis=1)
-    end = len(angles) if sharp.all() else max(int(np.argmin(sharp)), 1)
-    angles, directions = angles[:end], directions[:end]
-
     pixels, _ = model.project(directions)
     changed = [_model(pinhole, cone + step, ratio) for step in factor.T]
     if ratio is not None:
@@ -110,6 +109,10 @@ def fit_ball(
         moved = moved @ (_camera_ball(model).T @ _camera_ball(other)).T
         squares += np.sum((moved - directions) ** 2, axis=-1)
     deviation = np.sqrt(np.nan_to_num(squares, nan=np.pi**2).max(axis=1))
+    sharp = (pixels_per_rad(model, directions) * _WIDEST_PX_RAD >= 1).all(axis=1)
+    known = sharp & (deviation <= _LARGEST_DEVIATION_RAD)
+    end = len(angles) if known.all() else max(int(np.argmin(known)), 1)
+    angles, deviation = angles[:end], deviation[:end]
     calibration = Calibration(
         model, size_px, float(angles[-1]), R_world_camera @ _camera_ball(model)
     )

@@ -14,7 +14,7 @@ from capture.radiance_files import read_radiance
 
 if TYPE_CHECKING:
     from calibration.ball import Array, BallFit
-    from calibration.ball_outline import Pinhole
+    from calibration.ball_cone import Pinhole
 
 
 def calibrate_ball(
@@ -25,6 +25,7 @@ def calibrate_ball(
     principal: str = "",
     distance_ratio: float | None = None,
     ball: str = "",
+    marked_px: float | None = None,
     yaw_deg: float = 0.0,
     pitch_deg: float = 0.0,
     roll_deg: float = 0.0,
@@ -53,6 +54,9 @@ def calibrate_ball(
         Without --focal-px: distance from the camera to the ball's centre, over the ball's radius.
     ball
         Pixels x,y,radius of the ball, to within 15 % of the radius, where it is not found.
+    marked_px
+        The ball is where --ball says, marked by hand to within so many pixels, and is not looked
+        for: where its outline is blurred.
     yaw_deg
         How far the camera was turned to the left from the world's +Z.
     pitch_deg
@@ -71,7 +75,8 @@ def calibrate_ball(
     """
     # Here, so that no other command waits for scipy.
     from calibration.ball import ASSUMED_RATIO, fit_ball, measure_reflectance, pose
-    from calibration.ball_outline import Pinhole, distant_pinhole, find_outline
+    from calibration.ball_cone import Pinhole, distant_pinhole
+    from calibration.ball_outline import find_outline, marked_outline
     from calibration.ball_record import ball_record
     from calibration.files import write_calibration
 
@@ -82,6 +87,8 @@ def calibrate_ball(
         raise InputError("--principal goes with --focal-px")
     if focal_px is not None and not focal_px > 0:
         raise InputError(f"--focal-px must be positive, got {focal_px}")
+    if marked_px is not None and not ball:
+        raise InputError("--marked-px goes with --ball")
     if reflectance and seen_twice:
         raise InputError("give --reflectance or --seen-twice, not both: each tells the other")
     image, cleaned = read_radiance(radiance)
@@ -94,7 +101,10 @@ def calibrate_ball(
         ratio = ASSUMED_RATIO if distance_ratio is None else (distance_ratio, 0.0)
     try:
         hint = np.array(_numbers("--ball", ball, "x,y,radius")) if ball else None
-        outline = find_outline(image.radiance, pinhole, hint)
+        if marked_px is not None and hint is not None:
+            outline = marked_outline(hint, marked_px, pinhole)
+        else:
+            outline = find_outline(image.radiance, pinhole, hint)
     except InputError as error:
         raise InputError(f"{radiance}: {error}") from None
     stood = pose(*np.radians([yaw_deg, pitch_deg, roll_deg]))
@@ -130,10 +140,11 @@ def _told(fit: "BallFit", pinhole: "Pinhole") -> list[str]:
     outline = fit.outline
     x_px, y_px, half_rad = np.sqrt(np.diag(outline.covariance))
     radius_px = pinhole.focal_px * np.tan(outline.half_angle_rad)
+    seen = f"{outline.support:.0%} of the outline seen" if outline.support > 0 else "marked by hand"
     halfway, end = np.degrees(fit.deviation_rad[[len(fit.deviation_rad) // 2, -1]])
     return [
         f"  radius {radius_px:.2f} ± {half_rad * pinhole.focal_px:.2f} px, centre to "
-        f"±{max(x_px, y_px):.2f} px, {outline.support:.0%} of the outline seen",
+        f"±{max(x_px, y_px):.2f} px, {seen}",
         f"  directions to ±{halfway:.2f}° halfway out and ±{end:.2f}° at the end of what is valid, "
         f"{np.degrees(fit.calibration.valid_angle_rad):.1f}° from the direction back to the camera",
     ]

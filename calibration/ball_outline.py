@@ -18,24 +18,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from calibration.ball_cone import Pinhole, cone_distance_px, spoke_radii
 from calibration.ball_edges import Edges, edges_near, spoke_directions
+from calibration.ball_search import LEAST_SUPPORT, cone_near, search_ball
 from capture.errors import InputError
 
 Array = NDArray[np.float64]
 
-_LEAST_SUPPORT = 0.3
-"""Share of the outline that must be seen."""
 _LEAST_RADIUS_PX = 20.0
-_SEARCH_PX = 360
-"""Longer side of the picture in which the ball is looked for."""
-_REACH = 0.15
-"""How far a rough circle may be off, in radii."""
 _TRIALS = 500
-_SEARCH_TRIALS = 150
 _SMOOTHING_PX = 0.5
 """Enough against noise; more lets reflections beside the outline pull at it."""
 _SPOKE_SPACING_PX = 1.5
-_SEARCH_SPACING_PX = 5.0
 _MOST_SPOKES = 1440
 _OUTLIER_PX = 0.25
 """Distance from which on an edge counts less."""
@@ -45,19 +39,12 @@ _BESIDE_PX = (-5.0, -3.5, 3.5, 5.0)
 _LEAST_CONCENTRATION = 1.7
 """How many more spokes must have an edge on the outline, within a pixel, than 3.5 to 5 px beside
 it. In noise there are 1.3 times as many where there are most."""
+_MARKED_POINTS = 64
 _ARCS = 24
 """Parts of the outline that are left out in turn to see how far the fit depends on them."""
 _BIAS_PX = 0.06
 """Pull of reflections beside the outline, which leaving out arcs does not show: simulated balls of
 170 px were found 0.02 to 0.1 px beside their place, noise or not."""
-
-
-@dataclass(frozen=True)
-class Pinhole:
-    """A camera without distortion: its focal length and where its axis meets the picture."""
-
-    focal_px: float
-    principal_px: tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +62,7 @@ class Outline:
     residual_px : float
         Root mean square distance of the edges that were used from the outline.
     support : float
-        Share of the outline that was seen.
+        Share of the outline that was seen: 0 if it was marked by hand.
     """
 
     centre_px: tuple[float, float]
@@ -83,12 +70,6 @@ class Outline:
     covariance: Array
     residual_px: float
     support: float
-
-
-def distant_pinhole(size_px: tuple[int, int]) -> Pinhole:
-    """Return a camera so far off that the outline of a ball is a circle wherever it is."""
-    width, height = size_px
-    return Pinhole(1e4 * max(width, height), ((width - 1) / 2, (height - 1) / 2))
 
 
 def find_outline(
@@ -113,25 +94,21 @@ def find_outline(
     InputError
         If nothing round stands out, or less than a third of it, or it is too small.
     """
-    rough = _search(picture, pinhole) if hint is None else hint
-    if not rough[2] >= _LEAST_RADIUS_PX:
-        raise InputError(
-            f"the ball's radius is {rough[2]:.0f} px; below {_LEAST_RADIUS_PX:.0f} px nothing can "
-            "be measured in it: go nearer or use a longer lens"
-        )
+    rough = search_ball(picture, pinhole) if hint is None else hint
+    _check_radius(rough[2])
     smooth = np.asarray(cv2.GaussianBlur(picture, (0, 0), _SMOOTHING_PX), np.float32)
-    cone, support = _cone_near(smooth, pinhole, rough, _spoke_count(rough[2]), _TRIALS)
-    if support < _LEAST_SUPPORT:
+    cone, support = cone_near(smooth, pinhole, rough, _spoke_count(rough[2]), _TRIALS)
+    if support < LEAST_SUPPORT:
         raise InputError(
-            f"only {support:.0%} of a ball's outline stands out there, {_LEAST_SUPPORT:.0%} are "
+            f"only {support:.0%} of a ball's outline stands out there, {LEAST_SUPPORT:.0%} are "
             "needed; say where the ball is with --ball x,y,radius, or choose another background"
         )
-    radii_px = _spoke_radii(pinhole, cone, _spoke_count(rough[2]))
+    radii_px = spoke_radii(pinhole, cone, _spoke_count(rough[2]))
     edges = edges_near(smooth, cone[:2], radii_px, 0.02 * rough[2] + 6)
     used = np.empty(0, np.int64)
     for reach_px in (0.015 * rough[2] + 2, 2.0, 1.5, 1.5):
         used = _nearest(edges, cone_distance_px(pinhole, cone, edges.points_px), reach_px)
-        if len(used) < _LEAST_SUPPORT * edges.spoke_count:
+        if len(used) < LEAST_SUPPORT * edges.spoke_count:
             raise InputError(
                 "no edge follows the outline of the ball; say where it is with --ball x,y,radius"
             )
@@ -150,27 +127,37 @@ def find_outline(
     )
 
 
-def cone_distance_px(pinhole: Pinhole, cone: Array, points: Array) -> Array:
-    """Return how far points (n, 2) lie outside a cone's outline, in pixels, to first order.
+def marked_outline(circle: Array, sigma_px: float, pinhole: Pinhole) -> Outline:
+    """Return the outline nearest to a circle (3,), x, y and radius, that was marked by hand.
 
-    `cone` is the pixel x, y of its axis and half its angle in rad.
+    `sigma_px` is the standard deviation of each of the three.
+
+    Raises
+    ------
+    InputError
+        If the circle is too small, or `sigma_px` is not positive.
     """
-    axis = np.append((cone[:2] - pinhole.principal_px) / pinhole.focal_px, 1.0)
-    axis /= np.linalg.norm(axis)
-    rays, lengths = _rays(pinhole, points)
-    across = np.linalg.norm(np.cross(rays, axis), axis=1)
-    cosine = rays @ axis
-    slope = (axis[:2] - cosine[:, None] * rays[:, :2]) / lengths[:, None]
-    rad_per_px = np.linalg.norm(slope, axis=1) / np.maximum(across, 1e-300) / pinhole.focal_px
-    return (np.arctan2(across, cosine) - cone[2]) / rad_per_px
+    _check_radius(circle[2])
+    if not sigma_px > 0:
+        raise InputError(f"a mark by hand is off by some of a pixel at least, got ±{sigma_px:g} px")
+    points = circle[:2] + circle[2] * spoke_directions(_MARKED_POINTS)
+    start = np.append(circle[:2], np.arctan(circle[2] / pinhole.focal_px))
+    cone = _solve(pinhole, points, start)
+    return Outline(
+        (float(cone[0]), float(cone[1])),
+        float(cone[2]),
+        np.diag([sigma_px, sigma_px, sigma_px / pinhole.focal_px]) ** 2,
+        float(np.sqrt(np.mean(cone_distance_px(pinhole, cone, points) ** 2))),
+        0.0,
+    )
 
 
-def _rays(pinhole: Pinhole, points: Array) -> tuple[Array, Array]:
-    """Return unit rays (n, 3) of pixels (n, 2), and their lengths (n,) before that, at z = 1."""
-    at = (points - pinhole.principal_px) / pinhole.focal_px
-    rays = np.concatenate([at, np.ones((len(at), 1))], axis=1)
-    lengths = np.linalg.norm(rays, axis=1)
-    return rays / lengths[:, None], lengths
+def _check_radius(radius_px: float) -> None:
+    if not radius_px >= _LEAST_RADIUS_PX:
+        raise InputError(
+            f"the ball's radius is {radius_px:.0f} px; below {_LEAST_RADIUS_PX:.0f} px nothing can "
+            "be measured in it: go nearer or use a longer lens"
+        )
 
 
 def _solve(pinhole: Pinhole, points: Array, start: Array) -> Array:
@@ -200,7 +187,8 @@ def _check_edges(edges: Edges, distance_px: Array, residual_px: float) -> None:
             f"no sharp outline: edges scatter by {residual_px:.2f} px, {on} lie on the outline and "
             f"{np.mean(beside):.0f} beside it. The picture is blurred, or the "
             "background is like what the ball mirrors, or --focal-px is missing for a ball away "
-            "from the picture's middle; photograph it sharp, before a plain background"
+            "from the picture's middle; photograph it sharp, before a plain background, or mark it "
+            "with --ball and --marked-px"
         )
 
 
@@ -232,95 +220,5 @@ def _jackknife(pinhole: Pinhole, points: Array, arcs: NDArray[np.int64], cone: A
     return deviations.T @ deviations * (len(present) - 1) / len(present)
 
 
-def _search(picture: NDArray[np.float32], pinhole: Pinhole) -> Array:
-    """Return x, y and radius of the roundish shape with the longest outline."""
-    height, width = picture.shape[:2]
-    scale = min(_SEARCH_PX / max(height, width), 1.0)
-    size = (max(round(width * scale), 1), max(round(height * scale), 1))
-    resized = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
-    smooth = np.asarray(cv2.GaussianBlur(resized, (0, 0), 1.0), np.float32)
-    principal = (np.array(pinhole.principal_px) + 0.5) * scale - 0.5
-    small = Pinhole(pinhole.focal_px * scale, (float(principal[0]), float(principal[1])))
-    best, best_length = None, 0.0
-    for rough in _rough_circles(smooth):
-        count = int(np.ceil(2 * np.pi * rough[2] / _SEARCH_SPACING_PX))
-        cone, support = _cone_near(smooth, small, rough, count, _SEARCH_TRIALS)
-        length = support**2 * rough[2]
-        if support >= _LEAST_SUPPORT and length > best_length:
-            radius = _spoke_radii(small, cone, 64).mean()
-            best, best_length = np.append(cone[:2], radius), length
-    if best is None:
-        raise InputError("no ball found in the picture; say where it is with --ball x,y,radius")
-    return np.append((best[:2] + 0.5) / scale - 0.5, best[2] / scale)
-
-
-def _rough_circles(picture: NDArray[np.float32]) -> Array:
-    """Return candidates (n, 3), centre and radius.
-
-    By Hough's transform in ranges of size, and about the picture's middle.
-    """
-    grey = np.sqrt(picture.mean(axis=-1))
-    grey = np.clip(grey * (128 / max(float(np.median(grey)), 1e-12)), 0, 255).astype(np.uint8)
-    grey = cv2.medianBlur(grey, 5)
-    longest = max(grey.shape)
-    middle_x, middle_y = (grey.shape[1] - 1) / 2, (grey.shape[0] - 1) / 2
-    found = [np.array([[middle_x, middle_y, share * longest] for share in (0.2, 0.26, 0.33, 0.42)])]
-    for least, most in ((0.06, 0.14), (0.12, 0.26), (0.22, 0.4), (0.35, 0.62)):
-        circles = cv2.HoughCircles(
-            grey,
-            cv2.HOUGH_GRADIENT,
-            dp=2,
-            minDist=0.1 * longest,
-            param1=80,
-            param2=12,
-            minRadius=int(least * longest),
-            maxRadius=int(most * longest),
-        )
-        if circles is not None:
-            found.append(circles.reshape(-1, 3)[:8])
-    return np.concatenate(found)
-
-
-def _cone_near(
-    picture: NDArray[np.float32], pinhole: Pinhole, rough: Array, spoke_count: int, trials: int
-) -> tuple[Array, float]:
-    """Return the cone near a rough circle that most spokes have an edge on, and their share.
-
-    Cones through three edges at random (RANSAC; the same ones every time) are tried.
-    """
-    radii_px = np.full(spoke_count, rough[2])
-    edges = edges_near(picture, rough[:2], radii_px, _REACH * rough[2])
-    best, best_share = np.append(rough[:2], rough[2] / pinhole.focal_px), 0.0
-    if len(edges.spoke) < 3:
-        return best, best_share
-    tolerance_px = max(0.008 * rough[2], 1.0)
-    rays, _ = _rays(pinhole, edges.points_px)
-    rng = np.random.default_rng(0)
-    for a, b, c in rays[rng.integers(0, len(rays), (trials, 3))]:
-        axis = np.cross(b - a, c - a)
-        if abs(axis[2]) <= 1e-3 * np.linalg.norm(b - a) * np.linalg.norm(c - a):
-            continue  # in line, or one edge twice
-        axis *= np.sign(axis[2])
-        centre_px = pinhole.principal_px + pinhole.focal_px * axis[:2] / axis[2]
-        if np.hypot(*(centre_px - rough[:2])) > 2 * _REACH * rough[2]:
-            continue
-        half_angle_rad = np.arctan2(np.linalg.norm(np.cross(a, axis)), a @ axis)
-        cone = np.append(centre_px, half_angle_rad)
-        near = np.abs(cone_distance_px(pinhole, cone, edges.points_px)) < tolerance_px
-        share = np.count_nonzero(np.bincount(edges.spoke[near])) / edges.spoke_count
-        if share > best_share:
-            best, best_share = cone, share
-    return best, best_share
-
-
 def _spoke_count(radius_px: float) -> int:
     return int(np.clip(2 * np.pi * radius_px / _SPOKE_SPACING_PX, 64, _MOST_SPOKES))
-
-
-def _spoke_radii(pinhole: Pinhole, cone: Array, count: int) -> Array:
-    """Return the radii (count,) of a cone's outline about the pixel of its axis."""
-    outward = spoke_directions(count)
-    radii = np.full(count, pinhole.focal_px * np.tan(cone[2]))
-    for _ in range(6):  # each step errs by the share by which the outline is not a circle
-        radii -= cone_distance_px(pinhole, cone, cone[:2] + radii[:, None] * outward)
-    return radii

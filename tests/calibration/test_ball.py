@@ -8,7 +8,8 @@ import pytest
 
 from calibration.ball import BallFit, fit_ball, pose
 from calibration.ball_cli import calibrate_ball
-from calibration.ball_outline import Pinhole, cone_distance_px, distant_pinhole, find_outline
+from calibration.ball_cone import Pinhole, cone_distance_px, distant_pinhole
+from calibration.ball_outline import find_outline, marked_outline
 from calibration.camera import LEVEL
 from calibration.files import read_calibration, read_records
 from calibration.sharpness import pixels_per_rad
@@ -70,6 +71,30 @@ def test_a_hint_is_as_good_as_a_search() -> None:
     hinted = find_outline(picture, pinhole, np.array([250.0, 220.0, 200.0]))
     np.testing.assert_allclose(hinted.centre_px, found.centre_px, atol=0.02)
     assert hinted.half_angle_rad == pytest.approx(found.half_angle_rad, rel=1e-4)
+
+
+def test_a_ball_marked_by_hand_is_as_good_as_the_mark() -> None:
+    # Seen off the axis by ψ, the outline of a narrow cone δ is f δ / cos ψ by f δ / cos² ψ.
+    pinhole = Pinhole(2000.0, (0.0, 0.0))
+    outline = marked_outline(np.array([1000.0, 0.0, 100.0]), 2.0, pinhole)
+    cosine = np.cos(np.arctan(0.5))
+    long, wide = (100 / 2000 * cosine**power for power in (2, 1))
+    assert long < outline.half_angle_rad < wide
+    assert outline.support == 0.0
+    scene, picture = shot(10.0)
+    pinhole = Pinhole(scene.focal_px, scene.principal_px)
+    true = find_outline(picture, pinhole)
+    x, y = true.centre_px
+    off = np.array([x + 2, y - 1, scene.focal_px * true.half_angle_rad])
+    marked = fit_ball(marked_outline(off, 2.0, pinhole), SIZE, pinhole)
+    angle, error = errors(marked, scene)
+    claimed = np.interp(angle, marked.angles_rad, marked.deviation_rad)
+    assert 0.2 < np.median(error / claimed) < 1.5
+    assert claimed.max() <= np.radians(20)
+    with pytest.raises(InputError, match="by hand"):
+        marked_outline(off, 0.0, pinhole)
+    with pytest.raises(InputError, match="radius is 3 px"):
+        marked_outline(np.array([9.0, 9.0, 3.0]), 1.0, pinhole)
 
 
 def test_what_is_no_outline_is_refused() -> None:
@@ -154,6 +179,8 @@ def test_the_command_writes_a_calibration(
     )
     assert "D/R 20 ± 10 is assumed" in capsys.readouterr().out
     assert read_calibration(tmp_path / "cal.json").reflectance == (0.6, 0.6, 0.5)
+    with pytest.raises(InputError, match="--marked-px goes with --ball"):
+        calibrate_ball(tmp_path / "ball.exr", output=tmp_path / "b.json", marked_px=2.0)
     for wrong in ({"reflectance": "1,2"}, {"seen_twice": "1,2"}, {"seen_twice": "1,2 3,4,5"}):
         with pytest.raises(InputError, match=r"r,g,b|x,y"):
             calibrate_ball(tmp_path / "ball.exr", output=tmp_path / "b.json", **wrong)
