@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lighting.summed_area import (
+from lighting.blocks.summed_area import (
     cell_sums,
     rectangle_lit,
     rectangle_moments,

@@ -11,7 +11,7 @@ from capture.arguments import Output, WholeNumber
 from capture.errors import InputError
 from capture.output import refuse_existing
 from capture.radiance_files import read_radiance
-from lighting.fill import Fill, fill_unseen
+from lighting.blocks.fill import Fill, fill_unseen
 from lighting.maps.combine import View, align_views, combine_views
 from lighting.maps.environment_files import write_environment
 from lighting.remap_cli import check_map_height

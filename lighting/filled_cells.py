@@ -19,11 +19,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lighting import prediction
-from lighting.block_grid import BlockGrid
+from lighting.blocks.block_grid import BlockGrid
+from lighting.blocks.summed_area import summed_area_tables
 from lighting.cell_tree import CellTree, grow_tree, tree_sums
 from lighting.smooth_fill import FillShape, fit_fill, less_fill
 from lighting.sphere import harmonics
-from lighting.summed_area import summed_area_tables
 
 Array = NDArray[np.float64]
 Counts = NDArray[np.int64]

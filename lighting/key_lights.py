@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lighting.block_grid import BlockGrid
+from lighting.blocks.block_grid import BlockGrid
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from capture.errors import InputError
 from lighting import temporal
-from lighting.blocks import BlockSums
+from lighting.blocks.block_sums import BlockSums
 from lighting.budget import FIRST_COUNT, FRAMES, next_count
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap

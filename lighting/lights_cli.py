@@ -7,7 +7,7 @@ from capture.arguments import Output
 from capture.errors import InputError
 from capture.radiance import Cleaned
 from capture.radiance_files import read_radiance
-from lighting.fill import Fill
+from lighting.blocks.fill import Fill
 from lighting.light_arguments import Count, Error, MethodName, most_lights
 from lighting.light_files import write_lights
 from lighting.light_set import LightSet

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import InputError
-from lighting.block_grid import BlockGrid, block_grid
-from lighting.blocks import BlockSums
+from lighting.blocks.block_grid import BlockGrid, block_grid
+from lighting.blocks.block_sums import BlockSums
+from lighting.blocks.summed_area import MOST_ROWS, block_sums
 from lighting.light_set import LightSet
 from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap, luminance
 from lighting.methods.adaptive import (
@@ -42,7 +43,6 @@ from lighting.methods.variance_minimisation import (
     variance_minimisation_of_blocks,
 )
 from lighting.sphere.latlong import solid_angles
-from lighting.summed_area import MOST_ROWS, block_sums
 
 Array = NDArray[np.float64]
 Lights = tuple[Array, Array, Array]

@@ -11,11 +11,11 @@ megapixel. A session does that once: `build_source_blocks`, then `apply_source_b
 from calibration.camera import Calibration
 from capture.errors import InputError
 from capture.radiance import RadianceImage
-from lighting.fill import Fill, fill_blocks, fill_unseen
+from lighting.blocks.fill import Fill, fill_blocks, fill_unseen
+from lighting.blocks.source_blocks import picture_blocks
 from lighting.light_set import LightSet
 from lighting.maps.remap import remap_image
 from lighting.reduce import ADAPTIVE, BLOCK_METHODS, reduce_to_lights
-from lighting.source_blocks import picture_blocks
 
 _MAP_HEIGHT = 512
 

@@ -22,7 +22,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lighting.block_grid import BlockGrid, coarsened
+from lighting.blocks.block_grid import BlockGrid, coarsened
 from lighting.maps.environment import LUMINANCE_WEIGHTS
 from lighting.sphere import harmonics
 

@@ -22,14 +22,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting import prediction
-from lighting.block_grid import BlockGrid, block_grid, coarsened
+from lighting.blocks.block_grid import BlockGrid, block_grid, coarsened
+from lighting.blocks.summed_area import block_sums
 from lighting.cell_tree import EMPTY_TREE, CellTree
 from lighting.filled_cells import FilledCells, FilledMap, fill_and_cut
 from lighting.key_lights import take_key_lights
 from lighting.maps.environment import EnvironmentMap
 from lighting.smooth_fill import FillShape
 from lighting.sphere import harmonics
-from lighting.summed_area import block_sums
 
 Array = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ Fails  : a cut is never taken back, so noise that moves an early one moves many 
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.blocks.summed_area import block_sums, variance
 from lighting.cell_splitting import Array, Cell, cut_variances, lights_of_cells
 from lighting.maps.environment import EnvironmentMap
-from lighting.summed_area import block_sums, variance
 
 
 def cells(environment: EnvironmentMap, count: int) -> tuple[Array, Array, Array]:

@@ -23,12 +23,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lighting.block_grid import coarsened
+from lighting.blocks.block_grid import coarsened
+from lighting.blocks.summed_area import block_sums, label_sums
 from lighting.cell_splitting import lights_of_sums
 from lighting.farthest_points import farthest_point_strata
 from lighting.maps.environment import EnvironmentMap
 from lighting.nearest_site import TiledPoints, nearest_sites, tiled
-from lighting.summed_area import block_sums, label_sums
 
 Array = NDArray[np.float64]
 Labels = NDArray[np.int64]

@@ -31,12 +31,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lighting.block_light import block_colours, block_light
+from lighting.blocks.block_light import block_colours, block_light
+from lighting.blocks.summed_area import cells_per_block
 from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from lighting.penrose_tiling import points_below, points_in_rectangles
 from lighting.sampled_lights import Array, cone_radius, with_sum
 from lighting.sphere.equal_area_chart import directions_of, on_chart, on_sphere
-from lighting.summed_area import cells_per_block
 
 _SIDE = 7.773
 _ROOT = np.array(

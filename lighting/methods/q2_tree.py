@@ -27,10 +27,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lighting.blocks.summed_area import block_sums
 from lighting.cell_splitting import Array, lights_of_sums
 from lighting.maps.environment import EnvironmentMap
 from lighting.sphere.equal_area_chart import on_chart
-from lighting.summed_area import block_sums
 
 _LEVELS = 26
 """Far below any block, so that no two centres share a quadrilateral of the last level."""

@@ -22,12 +22,12 @@ References
 import numpy as np
 
 from lighting.apportionment import apportion
-from lighting.block_grid import block_grid
+from lighting.blocks.block_grid import block_grid
+from lighting.blocks.summed_area import block_sums, label_sums
 from lighting.cell_splitting import Array, lights_of_sums
 from lighting.farthest_points import farthest_point_strata
 from lighting.maps.environment import EnvironmentMap
 from lighting.nested_regions import nested_regions
-from lighting.summed_area import block_sums, label_sums
 
 _THRESHOLDS = np.arange(1, 6)
 """In standard deviations above 0."""

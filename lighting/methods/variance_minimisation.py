@@ -14,9 +14,9 @@ References
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.blocks.summed_area import block_sums, variance
 from lighting.cell_splitting import Array, Cell, cut_variances, lights_of_cells
 from lighting.maps.environment import EnvironmentMap
-from lighting.summed_area import block_sums, variance
 
 
 def variance_minimisation(environment: EnvironmentMap, count: int) -> tuple[Array, Array, Array]:

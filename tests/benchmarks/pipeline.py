@@ -30,7 +30,8 @@ from capture.merge import merge_bracket
 from capture.picture_memory import PictureMemory
 from capture.radiance import RadianceImage
 from capture.recording import Recording, open_recording
-from lighting.blocks import BlockSums
+from lighting.blocks.block_sums import BlockSums
+from lighting.blocks.source_blocks import apply_source_blocks, build_source_blocks
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.remap import apply_remap, build_remap
@@ -39,7 +40,6 @@ from lighting.peers import median_cut
 from lighting.reduce import most_block_rows, reduce_next
 from lighting.simulation.scenario import scenario
 from lighting.simulation.simulate import simulate_recording
-from lighting.source_blocks import apply_source_blocks, build_source_blocks
 from lighting.sphere.latlong import cell_directions
 from render.baked import BakedRenderer
 from render.default_scene import default_scene

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lighting.block_grid import block_grid
-from lighting.blocks import BlockSums
+from lighting.blocks.block_grid import block_grid
+from lighting.blocks.block_sums import BlockSums
+from lighting.blocks.summed_area import block_sums
 from lighting.methods.adaptive import SAFETY, adaptive, adaptive_next, block_rows
 from lighting.reduce import reduce_next, reduce_to_lights
 from lighting.sphere import harmonics
 from lighting.sphere.latlong import cell_directions
-from lighting.summed_area import block_sums
 from tests.environments import (
     bright_poles,
     constant,

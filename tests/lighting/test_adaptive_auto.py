@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 from capture.errors import InputError
-from lighting.block_grid import coarsened
+from lighting.blocks.block_grid import coarsened
+from lighting.blocks.summed_area import block_sums
 from lighting.error_measures import (
     Receivers,
     behind_occluders,
@@ -28,7 +29,6 @@ from lighting.maps.environment_files import read_environment
 from lighting.reduce import reduce_to_lights
 from lighting.simulation.sequences import SEQUENCES, Sequence, Source, frames
 from lighting.sphere.latlong import cell_directions, solid_angles
-from lighting.summed_area import block_sums
 from tests.environments import constant, environment, outdoors
 
 DATA = Path(__file__).resolve().parents[2].parent / "shared/data"

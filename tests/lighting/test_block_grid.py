@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from lighting.block_grid import block_grid, coarsened
+from lighting.blocks.block_grid import block_grid, coarsened
+from lighting.blocks.summed_area import block_sums
 from lighting.sphere.latlong import cell_directions, solid_angles
-from lighting.summed_area import block_sums
 from tests.environments import outdoors
 
 HEIGHTS = pytest.mark.parametrize("height", [16, 50, 64, 300])

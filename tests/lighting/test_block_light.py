@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from lighting.block_light import block_colours, block_light
-from lighting.summed_area import block_sums
+from lighting.blocks.block_light import block_colours, block_light
+from lighting.blocks.summed_area import block_sums
 from tests.environments import outdoors
 
 

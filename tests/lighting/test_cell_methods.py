@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from lighting.blocks.summed_area import block_sums, summed_area_tables
 from lighting.cell_splitting import cut_variances, parts
 from lighting.methods.cells import cells
 from lighting.methods.median_cut import median_cut
 from lighting.methods.variance_minimisation import variance_minimisation
 from lighting.sphere.latlong import cell_directions
-from lighting.summed_area import block_sums, summed_area_tables
 from tests.environments import constant, environment, one_hot, outdoors, turned, two_cells
 
 CELL_METHODS = pytest.mark.parametrize("method", [median_cut, variance_minimisation, cells])

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from capture.errors import InputError
-from lighting.fill import fill_unseen
+from lighting.blocks.fill import fill_unseen
 from lighting.maps.environment import EnvironmentMap, luminance
 from tests.environments import constant
 

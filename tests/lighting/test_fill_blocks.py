@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from capture.errors import InputError
-from lighting.blocks import BlockSums
-from lighting.fill import fill_blocks, fill_unseen
+from lighting.blocks.block_sums import BlockSums
+from lighting.blocks.fill import fill_blocks, fill_unseen
+from lighting.blocks.summed_area import block_sums
 from lighting.maps.environment import EnvironmentMap
 from lighting.sphere.latlong import solid_angles
-from lighting.summed_area import block_sums
 
 FILLS = pytest.mark.parametrize("fill", ["mean", "mirror"])
 

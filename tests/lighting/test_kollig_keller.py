@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from lighting.blocks.summed_area import block_sums
 from lighting.methods import kollig_keller
 from lighting.reduce import METHODS
-from lighting.summed_area import block_sums
 from tests.environments import constant, outdoors
 
 

@@ -7,11 +7,11 @@ import pytest
 
 from capture.errors import InputError
 from lighting import temporal
-from lighting.blocks import BlockSums
+from lighting.blocks.block_sums import BlockSums
+from lighting.blocks.summed_area import block_sums
 from lighting.budget import FIRST_COUNT, FRAMES
 from lighting.light_stream import LightPlan, next_lights
 from lighting.reduce import reduce_next
-from lighting.summed_area import block_sums
 from tests.environments import environment, outdoors
 
 ROWS = 32

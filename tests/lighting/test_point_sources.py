@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lighting.blocks.summed_area import block_sums
 from lighting.simulation.point_sources import shares_of_points
 from lighting.sphere.latlong import cell_directions, solid_angles
-from lighting.summed_area import block_sums
 
 
 def direction(azimuth, elevation):

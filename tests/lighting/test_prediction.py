@@ -7,7 +7,8 @@ import pytest
 from scipy.stats import spearmanr
 
 from lighting import prediction
-from lighting.block_grid import block_grid
+from lighting.blocks.block_grid import block_grid
+from lighting.blocks.summed_area import block_sums, summed_area_tables
 from lighting.cell_tree import grow_tree, tree_sums
 from lighting.error_measures import behind_occluders, errors, truth
 from lighting.light_set import SUN_RADIUS_RAD
@@ -15,7 +16,6 @@ from lighting.reduce import reduce_to_lights
 from lighting.simulation.sequences import SEQUENCES, Sequence, Source, frames
 from lighting.sphere import harmonics
 from lighting.sphere.latlong import cell_directions
-from lighting.summed_area import block_sums, summed_area_tables
 from tests.environments import constant, environment, outdoors
 
 

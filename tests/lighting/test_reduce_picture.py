@@ -7,8 +7,10 @@ from calibration.camera import UP, Calibration
 from calibration.models.equidistant import Equidistant
 from capture.errors import InputError
 from capture.radiance import RadianceImage
-from lighting.blocks import BlockSums
-from lighting.fill import fill_blocks, fill_unseen
+from lighting.blocks.block_sums import BlockSums
+from lighting.blocks.fill import fill_blocks, fill_unseen
+from lighting.blocks.source_blocks import picture_blocks
+from lighting.blocks.summed_area import block_sums
 from lighting.maps.remap import remap_image
 from lighting.reduce import (
     BLOCK_METHODS,
@@ -16,8 +18,6 @@ from lighting.reduce import (
     reduce_to_lights,
 )
 from lighting.reduce_picture import reduce_picture_to_lights
-from lighting.source_blocks import picture_blocks
-from lighting.summed_area import block_sums
 from tests.environments import outdoors
 
 CAMERA = Calibration(Equidistant((31.5, 31.5), 64 / np.pi), (64, 64), np.pi / 2, UP)

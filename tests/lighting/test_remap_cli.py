@@ -12,7 +12,7 @@ from capture.errors import InputError
 from capture.exr import write_exr
 from capture.radiance import RadianceImage
 from capture.radiance_files import write_radiance
-from lighting.fill import Fill
+from lighting.blocks.fill import Fill
 from lighting.maps.environment_files import read_environment
 from lighting.remap_cli import remap
 

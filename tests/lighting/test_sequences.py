@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from capture.errors import InputError
+from lighting.blocks.summed_area import block_sums
 from lighting.maps.environment import luminance
 from lighting.simulation.sequences import RATE_HZ, SEQUENCES, Sequence, Source, frames
-from lighting.summed_area import block_sums
 
 ROWS, COUNT = 16, 21
 MIDDLE = COUNT // 2

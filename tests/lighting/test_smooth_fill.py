@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lighting.block_grid import block_grid
+from lighting.blocks.block_grid import block_grid
+from lighting.blocks.summed_area import block_sums
 from lighting.methods.adaptive import SHAPES
 from lighting.smooth_fill import FIT_ROWS, FillShape, fit_fill, less_fill
 from lighting.sphere import harmonics
 from lighting.sphere.latlong import cell_directions, solid_angles
-from lighting.summed_area import block_sums
 from tests.environments import (
     bright_poles,
     constant,

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import lighting.source_blocks
+import lighting.blocks.source_blocks
 from calibration.camera import LEVEL, UP, Calibration, ImageCircle
 from calibration.models.equidistant import Equidistant
 from calibration.models.equirectangular import full_sphere
@@ -17,6 +17,8 @@ from calibration.models.equisolid import Equisolid
 from calibration.models.mirror_ball import MirrorBall
 from capture.errors import InputError
 from capture.radiance import RadianceImage
+from lighting.blocks.source_blocks import apply_source_blocks, build_source_blocks, picture_blocks
+from lighting.blocks.summed_area import block_sums
 from lighting.light_set import SUN_RADIUS_RAD
 from lighting.maps.environment import luminance
 from lighting.maps.pixel_grid import pixel_corners
@@ -25,9 +27,7 @@ from lighting.maps.remap import apply_remap, build_remap
 from lighting.reduce import reduce_to_lights
 from lighting.simulation.scenario import Disc, Moment
 from lighting.simulation.simulate import build_view, see
-from lighting.source_blocks import apply_source_blocks, build_source_blocks, picture_blocks
 from lighting.sphere.latlong import cell_directions, solid_angles
-from lighting.summed_area import block_sums
 from tests.environments import environment, irradiance, normals, outdoors
 
 ROWS = 16
@@ -217,7 +217,7 @@ def test_the_same_bits_on_any_number_of_threads():
 
 @every_camera
 def test_in_bands_as_at_once(name, monkeypatch):
-    monkeypatch.setattr(lighting.source_blocks, "_BAND_PX", 1000)
+    monkeypatch.setattr(lighting.blocks.source_blocks, "_BAND_PX", 1000)
     banded = picture_blocks(CAMERAS[name], noise(name), ROWS)
     at_once = apply_source_blocks(operator(name), noise(name))
     # The corners that a mirror ball's outline lacks are found from the pixels of the band.

@@ -5,9 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lighting.maps.environment import LUMINANCE_WEIGHTS
-from lighting.sphere.latlong import grid_to_direction
-from lighting.summed_area import (
+from lighting.blocks.summed_area import (
     block_sums,
     cell_sums,
     rectangle_lit,
@@ -15,6 +13,8 @@ from lighting.summed_area import (
     summed_area_tables,
     variance,
 )
+from lighting.maps.environment import LUMINANCE_WEIGHTS
+from lighting.sphere.latlong import grid_to_direction
 from tests.environments import constant, outdoors, sun_in_sky
 
 

@@ -15,7 +15,7 @@ import pytest
 from calibration.camera import UP, Calibration
 from calibration.models.equidistant import Equidistant
 from capture.radiance import RadianceImage
-from lighting.source_blocks import apply_source_blocks, build_source_blocks
+from lighting.blocks.source_blocks import apply_source_blocks, build_source_blocks
 
 CAMERA = Calibration(Equidistant((63.5, 63.5), 128 / np.pi), (128, 128), np.radians(80), UP)
 

@@ -17,7 +17,7 @@ import pytest
 from calibration.camera import UP, Calibration
 from calibration.models.equidistant import Equidistant
 from capture.radiance import RadianceImage
-from lighting.source_blocks import picture_blocks
+from lighting.blocks.source_blocks import picture_blocks
 from lighting.sphere.latlong import solid_angles
 
 TOP, BOTTOM = 16, 96  # rows of 0.70° from the zenith

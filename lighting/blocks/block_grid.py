@@ -10,8 +10,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lighting.blocks.summed_area import MOST_ROWS, block_sums
 from lighting.sphere import harmonics
-from lighting.summed_area import MOST_ROWS, block_sums
 
 Array = NDArray[np.float64]
 

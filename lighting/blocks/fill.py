@@ -10,10 +10,10 @@ from typing import Literal, get_args
 import numpy as np
 
 from capture.errors import InputError
-from lighting.blocks import BlockSums
+from lighting.blocks.block_sums import BlockSums
+from lighting.blocks.summed_area import block_sums
 from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from lighting.sphere.latlong import solid_angles
-from lighting.summed_area import block_sums
 
 Fill = Literal["black", "mean", "mirror"]
 """Black; the mean radiance of what was seen; what was seen mirrored at the horizon."""

@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 from calibration.camera import Calibration
 from capture.errors import InputError
 from capture.radiance import RadianceImage
-from lighting.block_entries import Entries, block_entries
-from lighting.blocks import BlockSums
+from lighting.blocks.block_entries import Entries, block_entries
+from lighting.blocks.block_sums import BlockSums
+from lighting.blocks.summed_area import MOST_ROWS
 from lighting.maps.environment import LUMINANCE_WEIGHTS
 from lighting.sphere.latlong import grid_to_direction, solid_angles
-from lighting.summed_area import MOST_ROWS
 
 _COVERAGE_SAMPLES = 4
 """Points on the side of a block that tell which part of it is seen."""

@@ -9,9 +9,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lighting.blocks.summed_area import cells_per_block
 from lighting.maps.environment import LUMINANCE_WEIGHTS
 from lighting.sphere.latlong import solid_angles
-from lighting.summed_area import cells_per_block
 
 Array = NDArray[np.float64]
 
