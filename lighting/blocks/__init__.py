@@ -1,1 +1,1 @@
-"""Light over blocks of the lat-long grid, from a map or a camera picture: what reductions work on."""
+"""Light over blocks of the lat-long grid, of a map or a camera picture: what reductions cut up."""
