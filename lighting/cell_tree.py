@@ -19,7 +19,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lighting.blocks.summed_area import rectangle_lit, rectangle_moments, variance
-from lighting.cell_splitting import first_part_end
+from lighting.cells.cell_splitting import first_part_end
 
 Array = NDArray[np.float64]
 Counts = NDArray[np.int64]

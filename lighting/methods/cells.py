@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.blocks.summed_area import block_sums, variance
-from lighting.cell_splitting import Array, Cell, cut_variances, lights_of_cells
+from lighting.cells.cell_splitting import Array, Cell, cut_variances, lights_of_cells
 from lighting.maps.environment import EnvironmentMap
 
 

@@ -25,10 +25,10 @@ from numpy.typing import NDArray
 
 from lighting.blocks.block_grid import coarsened
 from lighting.blocks.summed_area import block_sums, label_sums
-from lighting.cell_splitting import lights_of_sums
-from lighting.farthest_points import farthest_point_strata
+from lighting.cells.cell_splitting import lights_of_sums
+from lighting.cells.farthest_points import farthest_point_strata
+from lighting.cells.nearest_site import TiledPoints, nearest_sites, tiled
 from lighting.maps.environment import EnvironmentMap
-from lighting.nearest_site import TiledPoints, nearest_sites, tiled
 
 Array = NDArray[np.float64]
 Labels = NDArray[np.int64]

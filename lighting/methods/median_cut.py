@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lighting.blocks.summed_area import block_sums, rectangle_lit, rectangle_moments
-from lighting.cell_splitting import Array, Cell, first_part_end, lights_of_cells
+from lighting.cells.cell_splitting import Array, Cell, first_part_end, lights_of_cells
 from lighting.maps.environment import EnvironmentMap
 
 

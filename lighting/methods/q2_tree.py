@@ -28,7 +28,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lighting.blocks.summed_area import block_sums
-from lighting.cell_splitting import Array, lights_of_sums
+from lighting.cells.cell_splitting import Array, lights_of_sums
 from lighting.maps.environment import EnvironmentMap
 from lighting.sphere.equal_area_chart import on_chart
 

@@ -21,13 +21,13 @@ References
 
 import numpy as np
 
-from lighting.apportionment import apportion
 from lighting.blocks.block_grid import block_grid
 from lighting.blocks.summed_area import block_sums, label_sums
-from lighting.cell_splitting import Array, lights_of_sums
-from lighting.farthest_points import farthest_point_strata
+from lighting.cells.apportionment import apportion
+from lighting.cells.cell_splitting import Array, lights_of_sums
+from lighting.cells.farthest_points import farthest_point_strata
+from lighting.cells.nested_regions import nested_regions
 from lighting.maps.environment import EnvironmentMap
-from lighting.nested_regions import nested_regions
 
 _THRESHOLDS = np.arange(1, 6)
 """In standard deviations above 0."""

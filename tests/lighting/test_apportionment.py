@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lighting.apportionment import apportion
+from lighting.cells.apportionment import apportion
 
 
 def shared_out(weight, most, parents, count):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lighting.blocks.summed_area import block_sums, summed_area_tables
-from lighting.cell_splitting import cut_variances, parts
+from lighting.cells.cell_splitting import cut_variances, parts
 from lighting.methods.cells import cells
 from lighting.methods.median_cut import median_cut
 from lighting.methods.variance_minimisation import variance_minimisation

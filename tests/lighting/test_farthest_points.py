@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lighting.farthest_points import farthest_point_strata
+from lighting.cells.farthest_points import farthest_point_strata
 
 
 def plain_strata(positions, regions, seats):

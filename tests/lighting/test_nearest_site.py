@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lighting.nearest_site import nearest_sites, tiled
+from lighting.cells.nearest_site import nearest_sites, tiled
 
 
 def unit(random, number):

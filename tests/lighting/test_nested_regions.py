@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from lighting.nested_regions import nested_regions
+from lighting.cells.nested_regions import nested_regions
 
 THRESHOLDS = np.array([1.0, 2.0, 3.0])
 
