@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.maps.environment import EnvironmentMap, luminance
-from lighting.sampled_lights import cone_radius
+from lighting.sampling.sampled_lights import cone_radius
 from lighting.sphere.latlong import cell_directions, grid_to_direction, solid_angles
 
 Array = NDArray[np.float64]

@@ -24,9 +24,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lighting.low_discrepancy import low_discrepancy_points
 from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
-from lighting.sampled_lights import (
+from lighting.sampling.low_discrepancy import low_discrepancy_points
+from lighting.sampling.sampled_lights import (
     Array,
     Cells,
     directions_and_density,

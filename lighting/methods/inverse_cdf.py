@@ -25,9 +25,9 @@ References
 import numpy as np
 from numba import njit
 
-from lighting.low_discrepancy import low_discrepancy_points
 from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
-from lighting.sampled_lights import (
+from lighting.sampling.low_discrepancy import low_discrepancy_points
+from lighting.sampling.sampled_lights import (
     Array,
     Cells,
     directions_and_density,

@@ -34,8 +34,8 @@ from numpy.typing import NDArray
 from lighting.blocks.block_light import block_colours, block_light
 from lighting.blocks.summed_area import cells_per_block
 from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
-from lighting.penrose_tiling import points_below, points_in_rectangles
-from lighting.sampled_lights import Array, cone_radius, with_sum
+from lighting.sampling.penrose_tiling import points_below, points_in_rectangles
+from lighting.sampling.sampled_lights import Array, cone_radius, with_sum
 from lighting.sphere.equal_area_chart import directions_of, on_chart, on_sphere
 
 _SIDE = 7.773

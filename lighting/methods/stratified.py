@@ -16,7 +16,7 @@ import numpy as np
 
 from lighting.maps.environment import EnvironmentMap
 from lighting.methods import inverse_cdf
-from lighting.sampled_lights import Array
+from lighting.sampling.sampled_lights import Array
 
 
 def stratified_random(

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from lighting.low_discrepancy import low_discrepancy_points
 from lighting.methods.hierarchical import hierarchical, sample_directions
+from lighting.sampling.low_discrepancy import low_discrepancy_points
 from lighting.sphere.latlong import direction_to_grid, solid_angles
 from tests.environments import constant, environment, one_hot, outdoors, sun_in_sky, two_cells
 

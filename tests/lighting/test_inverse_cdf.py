@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from lighting.low_discrepancy import low_discrepancy_points
 from lighting.methods.inverse_cdf import inverse_cdf, sample_directions
+from lighting.sampling.low_discrepancy import low_discrepancy_points
 from lighting.sphere.latlong import direction_to_grid
 from tests.environments import (
     constant,

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lighting.low_discrepancy import low_discrepancy_points
+from lighting.sampling.low_discrepancy import low_discrepancy_points
 
 
 @settings(deadline=None, max_examples=40)

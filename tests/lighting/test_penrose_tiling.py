@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from lighting.error_measures import spread_directions
 from lighting.methods.penrose import penrose
-from lighting.penrose_tiling import points_below, points_in_rectangles
+from lighting.sampling.penrose_tiling import points_below, points_in_rectangles
 from lighting.sphere.latlong import direction_to_grid, solid_angles
 from tests.environments import constant, sun_in_sky
 

@@ -1,0 +1,1 @@
+"""Ways to place lights of equal power where the light is."""
