@@ -21,14 +21,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting import prediction
+from lighting.adaptive import prediction
+from lighting.adaptive.cell_tree import EMPTY_TREE, CellTree
+from lighting.adaptive.filled_cells import FilledCells, FilledMap, fill_and_cut
+from lighting.adaptive.key_lights import take_key_lights
+from lighting.adaptive.smooth_fill import FillShape
 from lighting.blocks.block_grid import BlockGrid, block_grid, coarsened
 from lighting.blocks.summed_area import block_sums
-from lighting.cell_tree import EMPTY_TREE, CellTree
-from lighting.filled_cells import FilledCells, FilledMap, fill_and_cut
-from lighting.key_lights import take_key_lights
 from lighting.maps.environment import EnvironmentMap
-from lighting.smooth_fill import FillShape
 from lighting.sphere import harmonics
 
 Array = NDArray[np.float64]

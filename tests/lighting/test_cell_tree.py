@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lighting.adaptive.cell_tree import EMPTY_TREE, CellTree, grow_tree, tree_sums
 from lighting.blocks.summed_area import block_sums, summed_area_tables
-from lighting.cell_tree import EMPTY_TREE, CellTree, grow_tree, tree_sums
 from lighting.cells.cell_splitting import lights_of_sums
 from lighting.methods.cells import cells_of_blocks
 from lighting.sphere.latlong import cell_directions

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from lighting.adaptive.key_lights import MOST_KEY_LIGHTS, take_key_lights
 from lighting.blocks.block_grid import block_grid
 from lighting.blocks.summed_area import block_sums
-from lighting.key_lights import MOST_KEY_LIGHTS, take_key_lights
 from lighting.simulation.scenario import Disc
 from lighting.simulation.sequences import Sequence, Source, frames
 from lighting.sphere.latlong import solid_angles

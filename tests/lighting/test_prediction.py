@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import spearmanr
 
-from lighting import prediction
+from lighting.adaptive import prediction
+from lighting.adaptive.cell_tree import grow_tree, tree_sums
 from lighting.blocks.block_grid import block_grid
 from lighting.blocks.summed_area import block_sums, summed_area_tables
-from lighting.cell_tree import grow_tree, tree_sums
 from lighting.error_measures import behind_occluders, errors, truth
 from lighting.light_set import SUN_RADIUS_RAD
 from lighting.reduce import reduce_to_lights

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lighting.adaptive.smooth_fill import FIT_ROWS, FillShape, fit_fill, less_fill
 from lighting.blocks.block_grid import block_grid
 from lighting.blocks.summed_area import block_sums
 from lighting.methods.adaptive import SHAPES
-from lighting.smooth_fill import FIT_ROWS, FillShape, fit_fill, less_fill
 from lighting.sphere import harmonics
 from lighting.sphere.latlong import cell_directions, solid_angles
 from tests.environments import (

@@ -12,9 +12,9 @@ Measured : at 2° one, of 1.8° radius; at 3° none.
 import numpy as np
 import pytest
 
+from lighting.adaptive.key_lights import KeyLights, take_key_lights
 from lighting.blocks.block_grid import block_grid
 from lighting.blocks.summed_area import block_sums
-from lighting.key_lights import KeyLights, take_key_lights
 from lighting.simulation.sequences import Sequence, Source, frames
 
 

@@ -18,11 +18,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lighting import prediction
+from lighting.adaptive import prediction
+from lighting.adaptive.cell_tree import CellTree, grow_tree, tree_sums
+from lighting.adaptive.smooth_fill import FillShape, fit_fill, less_fill
 from lighting.blocks.block_grid import BlockGrid
 from lighting.blocks.summed_area import summed_area_tables
-from lighting.cell_tree import CellTree, grow_tree, tree_sums
-from lighting.smooth_fill import FillShape, fit_fill, less_fill
 from lighting.sphere import harmonics
 
 Array = NDArray[np.float64]

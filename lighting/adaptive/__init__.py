@@ -1,0 +1,1 @@
+"""What the method `adaptive` is made of: key lights, a fill, steady cells, a predicted error."""
