@@ -34,7 +34,7 @@ from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from lighting.peers import Peer, installed_peers
 from lighting.reduce import ADAPTIVE, METHODS, reduce_next
-from lighting.temporal import steady
+from lighting.stream.temporal import steady
 
 Array = NDArray[np.float64]
 System = Callable[[EnvironmentMap, int, Any], tuple[LightSet, Any]]

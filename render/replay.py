@@ -28,10 +28,10 @@ from capture.progress import progress
 from capture.recording import Recording, open_recording
 from lighting.blocks.block_sums import BlockSums
 from lighting.blocks.source_blocks import apply_source_blocks, build_source_blocks
-from lighting.light_stream import LightPlan, StreamMemory, next_lights
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.remap import apply_remap, build_remap
 from lighting.reduce import BLOCK_METHODS
+from lighting.stream.light_stream import LightPlan, StreamMemory, next_lights
 from render.baked import BakedRenderer
 from render.gl import create_context, describe
 from render.replay_folder import ReplayFolder, check_output, write_session

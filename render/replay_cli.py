@@ -10,9 +10,9 @@ from capture.arguments import Output, WholeNumber, parse_size
 from capture.errors import InputError
 from capture.output import refuse_existing
 from lighting.light_arguments import Count, Error, MethodName, most_lights
-from lighting.light_stream import LightPlan
 from lighting.reduce import ADAPTIVE
 from lighting.remap_cli import check_map_height
+from lighting.stream.light_stream import LightPlan
 from render.render_cli import scene_to_render
 from render.replay import (
     ReplaySummary,

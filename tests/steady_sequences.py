@@ -10,7 +10,7 @@ from lighting.error_measures import Receivers, received, received_from_map, stan
 from lighting.reduce import reduce_next
 from lighting.simulation.sequences import SEQUENCES, frames
 from lighting.steadiness import direction_motion, error_change, excess_change
-from lighting.temporal import steady
+from lighting.stream.temporal import steady
 
 ROWS, COUNT, FRAMES = 16, 32, 36
 STARTED = 12

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lighting.budget import FIRST_COUNT, FRAMES, next_count
+from lighting.stream.budget import FIRST_COUNT, FRAMES, next_count
 
 BUDGET_MS = 30.0
 MOST = 512

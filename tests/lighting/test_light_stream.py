@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from capture.errors import InputError
-from lighting import temporal
 from lighting.blocks.block_sums import BlockSums
 from lighting.blocks.summed_area import block_sums
-from lighting.budget import FIRST_COUNT, FRAMES
-from lighting.light_stream import LightPlan, next_lights
 from lighting.reduce import reduce_next
+from lighting.stream import temporal
+from lighting.stream.budget import FIRST_COUNT, FRAMES
+from lighting.stream.light_stream import LightPlan, next_lights
 from tests.environments import environment, outdoors
 
 ROWS = 32

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lighting.matching import stable_matching
+from lighting.stream.matching import stable_matching
 
 RANDOM_SETS = st.tuples(st.integers(0, 2**32 - 1), st.integers(0, 12), st.integers(0, 12))
 

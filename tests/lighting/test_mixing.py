@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from lighting.light_set import SUN_RADIUS_RAD, LightSet
 from lighting.maps.environment import luminance
-from lighting.mixing import MOST_FADING, mixed
+from lighting.stream.mixing import MOST_FADING, mixed
 from tests.lighting_sets import assert_same_lights, random_set, towards
 
 SHARES = st.sampled_from([0.0, 0.01, 0.2, 0.7, 1.0])

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from capture.errors import InputError
 from lighting.light_set import LightSet
-from lighting.mixing import MOST_FADING
 from lighting.reduce import reduce_to_lights
 from lighting.sphere import harmonics
-from lighting.temporal import steady
+from lighting.stream.mixing import MOST_FADING
+from lighting.stream.temporal import steady
 from tests.environments import outdoors
 from tests.lighting_sets import assert_same_lights, random_set, towards
 

@@ -19,10 +19,10 @@ from lighting.blocks.block_sums import BlockSums
 from lighting.blocks.source_blocks import apply_source_blocks, build_source_blocks
 from lighting.light_files import read_lights
 from lighting.light_set import LightSet
-from lighting.light_stream import LightPlan, next_lights
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import read_environment
 from lighting.maps.remap import apply_remap, build_remap
+from lighting.stream.light_stream import LightPlan, next_lights
 from render.main import main
 from render.session import END_TO_END
 

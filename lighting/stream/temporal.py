@@ -45,8 +45,8 @@ from numpy.typing import NDArray
 from capture.errors import InputError
 from lighting.light_set import LightSet
 from lighting.maps.environment import luminance
-from lighting.mixing import mixed
 from lighting.sphere import harmonics
+from lighting.stream.mixing import mixed
 
 Array = NDArray[np.float64]
 

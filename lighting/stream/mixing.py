@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lighting.light_set import SUN_RADIUS_RAD, LightSet
 from lighting.maps.environment import LUMINANCE_WEIGHTS
-from lighting.matching import stable_matching
+from lighting.stream.matching import stable_matching
 
 Array = NDArray[np.float64]
 Lights = tuple[Array, Array, Array, NDArray[np.bool_]]

@@ -10,13 +10,13 @@ Fails  : with a time budget the lights depend on how fast the machine was; witho
 from dataclasses import dataclass
 
 from capture.errors import InputError
-from lighting import temporal
 from lighting.blocks.block_sums import BlockSums
-from lighting.budget import FIRST_COUNT, FRAMES, next_count
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from lighting.methods import adaptive
 from lighting.reduce import ADAPTIVE, check_request, most_block_rows, reduce_next
+from lighting.stream import temporal
+from lighting.stream.budget import FIRST_COUNT, FRAMES, next_count
 
 
 @dataclass(frozen=True)
