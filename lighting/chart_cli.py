@@ -9,9 +9,9 @@ from capture.arguments import Output
 from capture.errors import InputError
 from capture.output import refuse_existing, write_text
 from capture.progress import progress
-from lighting import chart
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import read_environment
+from lighting.measures import chart
 from lighting.reduce import METHODS
 from lighting.simulation.outdoors import outdoors
 from lighting.simulation.sequences import SEQUENCES
@@ -50,8 +50,8 @@ def chart_lights(
         Replace the charts of an earlier run.
     """
     # Here, so that no other command waits a second for matplotlib and scipy.
-    from lighting import flicker
-    from lighting.chart_drawing import draw
+    from lighting.measures import flicker
+    from lighting.measures.chart_drawing import draw
 
     maps = _read_maps(environments)
     if output.exists() and not output.is_dir():

@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.error_measures import spread_directions
+from lighting.measures.error_measures import spread_directions
 from lighting.sphere import harmonics
 from lighting.sphere.latlong import cell_directions, solid_angles
 

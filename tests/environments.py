@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.error_measures import spread_directions
 from lighting.maps.environment import EnvironmentMap
+from lighting.measures.error_measures import spread_directions
 from lighting.simulation.outdoors import outdoors as outdoors  # the tests' map too
 from lighting.sphere.latlong import cell_directions
 

@@ -6,10 +6,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from lighting.error_measures import Receivers, received, received_from_map, standard_receivers
+from lighting.measures.error_measures import (
+    Receivers,
+    received,
+    received_from_map,
+    standard_receivers,
+)
+from lighting.measures.steadiness import direction_motion, error_change, excess_change
 from lighting.reduce import reduce_next
 from lighting.simulation.sequences import SEQUENCES, frames
-from lighting.steadiness import direction_motion, error_change, excess_change
 from lighting.stream.temporal import steady
 
 ROWS, COUNT, FRAMES = 16, 32, 36

@@ -4,8 +4,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from lighting.chart import Point
-from lighting.chart_drawing import draw
+from lighting.measures.chart import Point
+from lighting.measures.chart_drawing import draw
 from lighting.reduce import METHODS
 from tests.benchmarks.lights import FIGURES
 

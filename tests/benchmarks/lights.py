@@ -7,8 +7,8 @@ the made one, 1024×512.
 from pathlib import Path
 from typing import Any
 
-from lighting import chart, flicker
 from lighting.maps.environment_files import read_environment
+from lighting.measures import chart, flicker
 from lighting.reduce import METHODS
 from lighting.simulation.outdoors import outdoors
 from lighting.simulation.sequences import SEQUENCES

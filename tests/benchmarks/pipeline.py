@@ -3,7 +3,7 @@
 Case : 3 JPEG exposures of 1024² px → 1024×512 map → 64 lights → 640×480 picture of the default
 scene, every frame another bracket, so that every light moves and every shadow map is drawn anew.
 Peer : OpenCV decoding, MergeRobertson with the true response and remap with cached maps; the
-plain median cut of lighting/peers.py. There is none for the picture.
+plain median cut of lighting/measures/peers.py. There is none for the picture.
 
 `pipelined` is milliseconds per bracket of a stream of them, and how many a second that is: the
 session's thread brings brackets in while this one merges and reduces them, from counts in memory,
@@ -35,8 +35,8 @@ from lighting.blocks.source_blocks import apply_source_blocks, build_source_bloc
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.remap import apply_remap, build_remap
+from lighting.measures.peers import median_cut
 from lighting.methods.adaptive import Memory
-from lighting.peers import median_cut
 from lighting.reduce import most_block_rows, reduce_next
 from lighting.simulation.scenario import scenario
 from lighting.simulation.simulate import simulate_recording

@@ -17,7 +17,8 @@ import pytest
 from capture.errors import InputError
 from lighting.blocks.block_grid import coarsened
 from lighting.blocks.summed_area import block_sums
-from lighting.error_measures import (
+from lighting.maps.environment_files import read_environment
+from lighting.measures.error_measures import (
     Receivers,
     behind_occluders,
     received,
@@ -25,7 +26,6 @@ from lighting.error_measures import (
     relative_rms,
     standard_receivers,
 )
-from lighting.maps.environment_files import read_environment
 from lighting.reduce import reduce_to_lights
 from lighting.simulation.sequences import SEQUENCES, Sequence, Source, frames
 from lighting.sphere.latlong import cell_directions, solid_angles

@@ -8,10 +8,16 @@ import numpy as np
 import pytest
 
 from capture.errors import InputError
-from lighting import chart, flicker
-from lighting.chart import FLICKER, Measurement, Point, as_csv, pareto_front, points_of
-from lighting.chart_drawing import THEMES, draw
-from lighting.error_measures import errors, received, received_from_map, standard_receivers, truth
+from lighting.measures import chart, flicker
+from lighting.measures.chart import FLICKER, Measurement, Point, as_csv, pareto_front, points_of
+from lighting.measures.chart_drawing import THEMES, draw
+from lighting.measures.error_measures import (
+    errors,
+    received,
+    received_from_map,
+    standard_receivers,
+    truth,
+)
 from lighting.reduce import METHODS, reduce_to_lights
 from lighting.simulation.sequences import SEQUENCES, frames
 from tests.environments import constant, outdoors

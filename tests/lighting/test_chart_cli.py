@@ -7,9 +7,10 @@ import cv2
 import pytest
 
 from capture.errors import InputError
-from lighting import chart, chart_cli, chart_drawing, flicker
+from lighting import chart_cli
 from lighting.chart_cli import chart_lights
 from lighting.maps.environment_files import write_environment
+from lighting.measures import chart, chart_drawing, flicker
 from lighting.simulation.sequences import SEQUENCES
 from render.main import main
 from tests.environments import constant, environment, outdoors

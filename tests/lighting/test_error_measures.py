@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from lighting.error_measures import (
+from lighting.light_set import LightSet
+from lighting.measures.error_measures import (
     behind_combs,
     behind_occluders,
     behind_spheres,
@@ -15,7 +16,6 @@ from lighting.error_measures import (
     standard_receivers,
     truth,
 )
-from lighting.light_set import LightSet
 from lighting.reduce import reduce_to_lights
 from lighting.sphere import harmonics
 from lighting.sphere.latlong import cell_directions, solid_angles

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from lighting.error_measures import errors, truth
 from lighting.light_set import LightSet
-from lighting.peers import (
+from lighting.measures.error_measures import errors, truth
+from lighting.measures.peers import (
     hammersley_points,
     installed_peers,
     median_cut,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from lighting.error_measures import spread_directions
+from lighting.measures.error_measures import spread_directions
 from lighting.methods.penrose import penrose
 from lighting.sampling.penrose_tiling import points_below, points_in_rectangles
 from lighting.sphere.latlong import direction_to_grid, solid_angles

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lighting.error_measures import spread_directions
+from lighting.measures.error_measures import spread_directions
 from lighting.methods.q2_tree import q2_tree, quadrilateral_codes
 from lighting.sphere.latlong import cell_directions, solid_angles
 from tests.environments import constant, environment

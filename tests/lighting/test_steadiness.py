@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lighting.light_set import LightSet
-from lighting.steadiness import direction_motion, error_change, excess_change, lag_of_step
+from lighting.measures.steadiness import direction_motion, error_change, excess_change, lag_of_step
 from tests.lighting_sets import towards
 
 SURFACES = 5

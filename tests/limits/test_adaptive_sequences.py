@@ -24,10 +24,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from lighting.error_measures import Receivers, received, received_from_map, standard_receivers
+from lighting.measures.error_measures import (
+    Receivers,
+    received,
+    received_from_map,
+    standard_receivers,
+)
+from lighting.measures.steadiness import error_change, excess_change
 from lighting.reduce import reduce_next
 from lighting.simulation.sequences import SEQUENCES, frames
-from lighting.steadiness import error_change, excess_change
 
 FRAMES = 16
 BOUNDS = {

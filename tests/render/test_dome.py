@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from lighting.error_measures import received, relative_rms, standard_receivers
 from lighting.light_set import LightSet
+from lighting.measures.error_measures import received, relative_rms, standard_receivers
 from lighting.sphere import harmonics
 from render.dome import CELLS, dome_lights
 from tests.environments import normals

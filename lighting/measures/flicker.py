@@ -18,12 +18,12 @@ from statistics import fmean
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.chart import FLICKER, Measurement, System, remembered
-from lighting.error_measures import received, received_from_map, standard_receivers
 from lighting.maps.environment import EnvironmentMap
+from lighting.measures.chart import FLICKER, Measurement, System, remembered
+from lighting.measures.error_measures import received, received_from_map, standard_receivers
+from lighting.measures.steadiness import excess_change
 from lighting.simulation.sequences import Sequence as SkySequence
 from lighting.simulation.sequences import frames
-from lighting.steadiness import excess_change
 
 Array = NDArray[np.float64]
 

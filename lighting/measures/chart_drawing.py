@@ -19,7 +19,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator
 from scipy.optimize import isotonic_regression
 
 from capture.output import replacing
-from lighting.chart import FLICKER, Point, pareto_front
+from lighting.measures.chart import FLICKER, Point, pareto_front
 
 PANELS = {
     "open, points": "In the open, lights as points",

@@ -29,10 +29,10 @@ from numpy.typing import NDArray
 
 from capture.errors import InputError
 from capture.output import write_json
-from lighting.error_measures import behind_occluders, errors, truth
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
-from lighting.peers import Peer, installed_peers
+from lighting.measures.error_measures import behind_occluders, errors, truth
+from lighting.measures.peers import Peer, installed_peers
 from lighting.reduce import ADAPTIVE, METHODS, reduce_next
 from lighting.stream.temporal import steady
 

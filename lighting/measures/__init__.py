@@ -1,0 +1,1 @@
+"""How true, steady and fast lights are, next to other systems': the figures and the chart."""
