@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import InputError
+from lighting.export.residual import remove_lights
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
-from lighting.residual import remove_lights
 from lighting.sphere import harmonics
 from lighting.sphere.latlong import cell_directions
 

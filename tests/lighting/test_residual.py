@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lighting.export.residual import remove_lights
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
-from lighting.residual import remove_lights
 from lighting.sphere.latlong import cell_directions, solid_angles
 from tests.environments import environment, normals
 from tests.lighting.room import LAMPS, lamps, room

@@ -13,8 +13,8 @@ Measured : 7.7 % of the light.
 import numpy as np
 import pytest
 
+from lighting.export.residual import remove_lights
 from lighting.light_set import LightSet
-from lighting.residual import remove_lights
 from lighting.sphere.latlong import cell_directions, solid_angles
 from tests.environments import environment, irradiance, normals, true_irradiance
 
