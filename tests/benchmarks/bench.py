@@ -3,8 +3,8 @@
 Not a timed test: a program that writes results.json, results.md, lights.svg and lights-dark.svg
 beside itself. Each stage's module has a `run(repeats)` that times ours and the peer in this process
 and returns rows {stage, case, system, ms, ratio, accuracy}; ms is the median over the repeats, of
-lights the least (lighting/measures/chart.py), ratio is the peer's time over ours. Absolute times belong to
-the machine named in the file.
+lights the least (lighting/measures/chart.py), ratio is the peer's time over ours. Absolute times
+belong to the machine named in the file.
 """
 
 import argparse
