@@ -12,6 +12,7 @@ Fails  : a source that blocks forever blocks the session too; the source owns it
 import queue
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -62,11 +63,11 @@ class Counters:
 class StageClock:
     """Milliseconds that each frame spent in each stage, and in all from end to end.
 
-    `frames` holds one {stage: ms} per processed bracket, in order. END_TO_END begins when the
-    bracket's capture does and includes what it waited.
+    `frames` holds one {stage: ms} per processed bracket, in order; a session without an end gives
+    it a length. END_TO_END begins when the bracket's capture does and includes what it waited.
     """
 
-    frames: list[dict[str, float]] = field(default_factory=list)
+    frames: deque[dict[str, float]] = field(default_factory=deque)
 
     def begin_frame(self) -> None:
         """Start the record of the next frame."""
@@ -101,6 +102,7 @@ def run_session(
     *,
     policy: Policy = Policy.EVERY,
     on_failure: Callable[[UnreadableFrame], None] = lambda _error: None,
+    clock: StageClock | None = None,
 ) -> tuple[Counters, StageClock]:
     """Take every bracket of `source` through `process` and account for it.
 
@@ -110,23 +112,26 @@ def run_session(
         Iterated on the producer thread.
     process : callable
         Called on this thread with the bracket, the clock whose current frame is this bracket's,
-        and the counters, of which it counts `merged` and `rendered`.
+        and the counters so far, of which it counts `merged` and `rendered`.
     policy : Policy
         EVERY blocks the producer while the queue is full (replay: deterministic); NEWEST drops the
         oldest waiting bracket (live).
     on_failure : callable
         Told of each bracket that could not be read.
+    clock : StageClock or None
+        One to go on with; a new one if not given.
 
     Raises
     ------
     Exception
         Whatever `source` or `process` raised; the producer thread has ended by then.
     """
-    counters, clock = Counters(), StageClock()
+    counters, clock = Counters(), clock or StageClock()
     producer = _Producer(source, policy)
     producer.start()
     try:
         for delivery in producer.deliveries():
+            counters.captured, counters.replaced = producer.captured, producer.replaced
             if isinstance(delivery.bracket, UnreadableFrame):
                 counters.failed += 1
                 on_failure(delivery.bracket)
@@ -150,7 +155,9 @@ class _Producer(threading.Thread):
         self.replaced = 0
         self._source = source
         self._policy = policy
-        self._queue: queue.Queue[_Delivery | None] = queue.Queue(QUEUE_LENGTH)
+        self._queue: queue.Queue[_Delivery | None] = queue.Queue(
+            1 if policy is Policy.NEWEST else QUEUE_LENGTH
+        )
         self._stopped = threading.Event()
         self._error: BaseException | None = None
 
