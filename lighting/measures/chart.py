@@ -283,8 +283,8 @@ def _lights_of(
 
 @cache
 def _code_digest() -> str:
-    """Return what tells versions of this package, and machines, apart."""
+    """Return what tells versions of lighting, and machines, apart."""
     digest = hashlib.sha256(platform.node().encode())
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
+    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -118,6 +119,13 @@ def test_changed_code_is_measured_again_and_replaces_what_was(monkeypatch, tmp_p
     list(chart.measure(maps, {"cells": system}, [4], known))
     assert system.calls > calls
     assert chart.read_known(tmp_path / "known.json") == {}
+
+
+def test_all_of_lighting_is_code_that_results_depend_on(monkeypatch):
+    read = set()
+    monkeypatch.setattr(Path, "read_bytes", lambda path: read.add(path.name) or b"")
+    chart._code_digest.__wrapped__()
+    assert {"reduce.py", "cell_tree.py", "penrose.py", "chart.py"} <= read
 
 
 def test_a_slow_system_is_spared_larger_counts(monkeypatch):
