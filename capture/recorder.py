@@ -6,7 +6,7 @@ pixels to choose exposures. JPEG is stored as it came; other formats as TIFF wit
 which costs 1 ms of computing for 1280×720 pixels where PNG takes 50 ms at least, and a third more
 room. When QUEUED_BRACKETS wait for the disk, further ones are dropped and counted.
 Ends   : asked to, or by an error, the recording is completed; killed, it is readable up to the last
-         frame written (capture.recording_writer).
+         bracket written (capture.recording_writer).
 Fails  : chosen exposures follow a change of the scene a bracket later than the live source's.
 """
 
@@ -227,19 +227,20 @@ def _write(writer: RecordingWriter, taken: _Taken, recorded: Recorded) -> None:
     except UnreadableFrame:
         recorded.damaged += 1
         return
-    for position, (data, suffix) in enumerate(encoded):
-        frame = taken.frames[position]
-        writer.write_encoded(
-            data,
-            suffix,
-            taken.camera.size_px,
-            frame.exposure,
-            frame.timestamp_s,
-            taken.number,
-            index=taken.first_index + position,
-            sequence=frame.index,
-        )
-        recorded.frames += 1
+    with writer.whole_bracket():
+        for position, (data, suffix) in enumerate(encoded):
+            frame = taken.frames[position]
+            writer.write_encoded(
+                data,
+                suffix,
+                taken.camera.size_px,
+                frame.exposure,
+                frame.timestamp_s,
+                taken.number,
+                index=taken.first_index + position,
+                sequence=frame.index,
+            )
+    recorded.frames += len(encoded)
     recorded.written += 1
 
 

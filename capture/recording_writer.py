@@ -1,14 +1,17 @@
 """Recordings written: each frame is on the disk and listed before the next one comes.
 
 Input  : frames, as arrays or as files encoded by a camera.    Output : a recording's folder.
-A writer that is killed leaves a recording with every frame it had finished. One whose block ends
-with an exception leaves nothing, and an older recording in its place as it was.
+A writer that is killed leaves a recording with every frame it had finished; of frames written
+together, all or none. One whose block ends with an exception leaves nothing, and an older recording
+in its place as it was.
 """
 
 import hashlib
 import math
 import shutil
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -130,7 +133,7 @@ def replaces_recording(folder: Path, *, force: bool) -> bool:
 class RecordingWriter:
     """Writes the frames of one recording; made by `create_recording`.
 
-    A frame's file is complete before the journal names it, and the journal's line is one write.
+    A frame's file is complete before the journal names it, and what is named together is one write.
     """
 
     def __init__(
@@ -140,6 +143,8 @@ class RecordingWriter:
         self._destination = destination
         self._header = header
         self._frames: list[FrameRecord] = []
+        self._listed_count = 0
+        self._holds = False
         (folder / FRAMES_FOLDER).mkdir()
         if calibration is not None:
             with replacing(folder / CALIBRATION_NAME) as partial:
@@ -168,6 +173,24 @@ class RecordingWriter:
         (self.folder / JOURNAL_NAME).unlink()
         if self.folder != self._destination:
             self._take_place()
+
+    @contextmanager
+    def whole_bracket(self) -> Iterator[None]:
+        """List the frames that the block writes once it ends, or none of them if it fails.
+
+        So a disk that is full in the middle of a bracket leaves no bracket that lacks exposures.
+        """
+        self._holds = True
+        try:
+            yield
+            self._list_frames()
+        except BaseException:
+            for frame in self._frames[self._listed_count :]:
+                (self.folder / frame.file).unlink(missing_ok=True)
+            del self._frames[self._listed_count :]
+            raise
+        finally:
+            self._holds = False
 
     def write_frame(
         self,
@@ -270,16 +293,23 @@ class RecordingWriter:
             f_number=None if exposure.f_number is None else float(exposure.f_number),
             sequence=msgspec.UNSET if sequence is None else sequence,
         )
-        line, whole = journal_line(record), self._journal.tell()
+        self._frames.append(record)
+        if not self._holds:
+            self._list_frames()
+
+    def _list_frames(self) -> None:
+        """Name in the journal the frames that it does not name yet: all of them, or none."""
+        lines = b"".join(map(journal_line, self._frames[self._listed_count :]))
+        whole = self._journal.tell()
         try:
-            while line:  # a disk that is nearly full takes a part of it
-                line = line[self._journal.write(line) :]
+            while lines:  # a disk that is nearly full takes a part of them
+                lines = lines[self._journal.write(lines) :]
         except OSError as error:
             self._journal.seek(whole)
             self._journal.truncate()
             path = self._journal.name
             raise InputError(f"{path}: cannot be written ({error.strerror})") from None
-        self._frames.append(record)
+        self._listed_count = len(self._frames)
 
     def _take_place(self) -> None:
         """Put the complete recording in the place of the older one.
