@@ -25,8 +25,8 @@ from capture.radiance import RadianceImage
 Array = NDArray[np.float64]
 
 ASSUMED_RATIO = (20.0, 10.0)
-"""D/R and its standard deviation where nothing tells it: a ball of 10 cm from 1 m, or from 0.5 m,
-or farther off."""
+"""D/R where nothing tells it, and by how much less it may be: a ball of 10 cm from 1 m, or from
+0.5 m, or from anywhere farther off, which makes as little difference."""
 _WIDEST_PX_RAD = np.radians(5.0)
 """Angle across one pixel at which the stretched rim ends being a measurement."""
 _LARGEST_DEVIATION_RAD = np.radians(20.0)
@@ -78,15 +78,16 @@ def fit_ball(
     pinhole
         The camera, or `distant_pinhole`, which tells no distance.
     distance_ratio
-        D/R and its standard deviation where the pinhole does not tell it; the outline is then
-        taken for a circle about the camera's axis. None to take it from the outline.
+        D/R and its standard deviation, toward the ball, where the pinhole does not tell it; the
+        outline is then taken for a circle about the camera's axis. None to take it from the
+        outline.
     R_world_camera
         How the camera stood.
 
     Raises
     ------
     InputError
-        If the distance ratio is not above 1.
+        If the distance ratio less its deviation is not above 1.
     """
     cone = np.append(outline.centre_px, outline.half_angle_rad)
     factor = np.linalg.cholesky(outline.covariance)
@@ -101,7 +102,8 @@ def fit_ball(
     pixels, _ = model.project(directions)
     changed = [_model(pinhole, cone + step, ratio) for step in factor.T]
     if ratio is not None:
-        changed.append(_model(pinhole, cone, ratio + ratio_deviation))
+        # A nearer ball differs more than one that is farther by as much.
+        changed.append(_model(pinhole, cone, ratio - ratio_deviation))
     squares = np.zeros(pixels.shape[:-1])
     for other in changed:
         moved, _ = other.unproject(pixels)

@@ -62,6 +62,10 @@ def test_a_distance_in_radii_stands_in_for_the_focal_length() -> None:
     angle, assumed = errors(fit_ball(outline, SIZE, pinhole, (20.0, 10.0)), scene)
     assert np.degrees(np.median(exact)) < 0.1
     assert 3 < np.degrees(assumed[angle < HALFWAY].max()) < 8  # what not knowing it costs
+    fit = fit_ball(outline, SIZE, pinhole, (7.5, 2.5))
+    angle, error = errors(fit, scene)
+    claimed = np.interp(angle, fit.angles_rad, fit.deviation_rad)
+    np.testing.assert_allclose(np.median(error / claimed), 1.0, rtol=0.1)  # 5 is what it may be
 
 
 def test_a_hint_is_as_good_as_a_search() -> None:
