@@ -4,6 +4,7 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from difflib import get_close_matches
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -20,7 +21,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # For the same reason: a frame's matrices are small, and one thread multiplies them as fast.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
-        from cyclopts import CycloptsError
+        from cyclopts import CycloptsError, UnknownCommandError
 
         from capture.errors import FishlightError
         from render.app import app
@@ -32,6 +33,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if tokens[:1] in ([], ["--help"], ["-h"]):
             app.resolved_commands()  # imports them all: their docstrings are the overview
         app(tokens, exit_on_error=False, print_error=False)
+    except UnknownCommandError as error:  # whose own text imports every command
+        names = [name for name in error.app or () if not name.startswith("-")]
+        sys.exit(_fail(_unknown_command(error.unused_tokens or (), names)))
     except CycloptsError as error:
         sys.exit(_fail(f"{error} See fishlight --help."))
     except FishlightError as error:
@@ -50,6 +54,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _fail(message: str) -> int:
     print("fishlight: " + " ".join(message.split()), file=sys.stderr)
     return 2
+
+
+def _unknown_command(tokens: Sequence[str], names: Sequence[str]) -> str:
+    typed = tokens[0] if tokens else ""
+    meant = get_close_matches(typed, names, n=1)
+    hint = f"did you mean {meant[0]}?" if meant else f"there are {', '.join(names)}."
+    return f"no command {typed!r}; {hint} See fishlight --help."
 
 
 def _broken(error: ImportError) -> str:

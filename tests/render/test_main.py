@@ -64,7 +64,9 @@ def test_an_interrupt_has_the_shells_exit_code(failing_command, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["rendre"], "rendre"),
+        (["rendre"], "no command 'rendre'; did you mean render? See"),
+        (["xyz"], "no command 'xyz'; there are record, import, "),
+        (["calibrate", "lenss"], "no command 'lenss'; did you mean lens? See"),
         (["render", "--lights", "l.json", "-o", "p.png", "--nonsense"], "--nonsense"),
         (["render", "-o", "p.png"], "--lights"),
         (["render", "--lights", "none.json", "-o", "p.png"], "none.json"),
@@ -84,6 +86,19 @@ def test_wrong_arguments_are_one_line_and_write_nothing(
     assert printed.err.startswith("fishlight: ")
     assert printed.err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_command_that_does_not_exist_waits_for_no_stage():
+    program = (
+        "import sys\n"
+        "from render.main import main\n"
+        "try: main()\n"
+        "finally: print([name for name in sys.modules if name.endswith('_cli')])\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, "xyz"], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout) == (2, "[]\n")
 
 
 def test_every_command_of_every_stage_has_help(capsys):
