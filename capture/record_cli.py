@@ -37,8 +37,8 @@ def record_command(
     Parameters
     ----------
     device
-        Path, number, name or id of a camera, such as /dev/video0 or a name in /dev/v4l/by-id, which
-        finds it again after it was unplugged.
+        Path, number, id or a part of the name of a camera, such as /dev/video0 or a name in
+        /dev/v4l/by-id, which finds it again after it was unplugged.
     recording
         Folder to be made.
     exposures

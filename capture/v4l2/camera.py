@@ -46,8 +46,8 @@ class CameraRequest:
     Attributes
     ----------
     device : str
-        A path (/dev/video0, /dev/v4l/by-id/…), a name in /dev/v4l/by-id, the camera's own name or
-        a number. Only by-id is sure to be the same camera after it was unplugged.
+        A path (/dev/video0, /dev/v4l/by-id/…), a name in /dev/v4l/by-id, the camera's own name, a
+        part of it, or a number. Only by-id is sure to be the same camera after it was unplugged.
     size_px : (int, int) or None
         (width, height).
     pixel_format : str or None

@@ -11,6 +11,7 @@ from capture.errors import FishlightError, InputError
 from capture.v4l2.node import VideoNode
 
 _DEVICES = Path("/dev")
+_CARD_BYTES = 31  # of a name that the kernel keeps, without the zero that ends it
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,8 @@ def find_camera(device: str, devices: Path = _DEVICES) -> Path:
     """Return the device node that `device` means.
 
     In this order: a path, a number N for /dev/videoN, a link's name in /dev/v4l/by-id or by-path,
-    a camera's own name.
+    a camera's own name, a part of it in either case. The kernel cuts names at 31 bytes, so what a
+    longer one has beyond them is not compared.
 
     Raises
     ------
@@ -40,14 +42,17 @@ def find_camera(device: str, devices: Path = _DEVICES) -> Path:
     if not device:
         raise InputError(f"which camera? {_listing(devices)}")
     numbered = devices / f"video{device}"
-    candidates = [Path(device), devices / device]
-    if re.fullmatch("[0-9]+", device):
-        candidates = [numbered]
+    is_number = re.fullmatch("[0-9]+", device) is not None
+    candidates = [numbered] if is_number else [Path(device), devices / device]
     candidates += [devices / "v4l" / folder / device for folder in ("by-id", "by-path")]
     for candidate in candidates:
         if candidate.is_char_device():
             return candidate
-    named = [camera for camera in list_cameras(devices) if camera.card == device]
+    cameras = list_cameras(devices)
+    kept = device.encode()[:_CARD_BYTES].decode(errors="ignore")
+    named = [camera for camera in cameras if camera.card == kept]
+    if not named and not is_number:  # the 7 of /dev/video7 is no part of "HD 720p"
+        named = [camera for camera in cameras if kept.casefold() in camera.card.casefold()]
     if len(named) == 1:
         return named[0].path
     if named:

@@ -1,5 +1,6 @@
 """Cameras are found by what users call them, and errors of the system say what can be done."""
 
+import contextlib
 import errno
 import fcntl
 import os
@@ -9,7 +10,7 @@ from typing import Any
 import pytest
 
 from capture.errors import CameraLost, InputError
-from capture.v4l2 import kernel
+from capture.v4l2 import finding, kernel
 from capture.v4l2.finding import find_camera, list_cameras
 from capture.v4l2.node import VideoNode
 
@@ -35,6 +36,48 @@ def test_a_path_an_id_and_a_number_find_the_node(tmp_path: Any) -> None:
     assert find_camera("3", tmp_path) == tmp_path / "video3"
     assert find_camera("video3", tmp_path) == tmp_path / "video3"
     assert find_camera("usb-Maker_Webcam-video-index0", tmp_path).parent == by_id
+
+
+CARDS = {
+    "video0": "HD 720p Webcam: HD 720p Webcam ",  # 31 characters, as the kernel cuts it
+    "video2": "USB Fisheye",
+    "video3": "USB Fisheye Pro",
+}
+
+
+@pytest.fixture
+def cards(monkeypatch: Any, tmp_path: Any) -> Any:
+    """Three cameras that are there only by their names."""
+
+    class Node(contextlib.nullcontext[Any]):
+        def __init__(self, path: Path) -> None:
+            super().__init__(self)
+            self.card = CARDS[path.name]
+
+    monkeypatch.setattr(finding, "VideoNode", Node)
+    for name in CARDS:
+        (tmp_path / name).touch()
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("called", "node"),
+    [
+        ("USB Fisheye", "video2"),  # the whole name of one, though it begins another's
+        ("Fisheye Pro", "video3"),
+        ("usb fisheye p", "video3"),
+        ("HD 720p Webcam: HD 720p Webcam (046d:0825)", "video0"),
+    ],
+)
+def test_a_part_of_its_name_finds_a_camera(cards: Any, called: str, node: str) -> None:
+    assert find_camera(called, cards) == cards / node
+
+
+def test_a_part_of_two_names_names_both_and_a_number_is_no_part(cards: Any) -> None:
+    with pytest.raises(InputError, match=r"several .*'fisheye'.*video2 \(USB.*video3 \(USB"):
+        find_camera("fisheye", cards)
+    with pytest.raises(InputError, match=r"no camera 7; cameras found: .*video0.*video2.*video3"):
+        find_camera("7", cards)
 
 
 def test_what_is_no_camera_is_refused(tmp_path: Any) -> None:
