@@ -137,13 +137,17 @@ class _FrameLog:
         self.recent: deque[Delivery] = deque(maxlen=RECENT)
         self._moments: list[tuple[int, float]] = []
         self._level_of = level_of
+        self._damage = ""
 
     def read(self) -> None:
         """Wait for a frame that is whole."""
         for _ in range(_MOST_FRAMES):
             if self._take(self.stream.next_frame(START_S)):
                 return
-        raise CameraStalled(f"the camera sent {_MOST_FRAMES} damaged frames one after the other")
+        raise CameraStalled(
+            f"the camera sent {_MOST_FRAMES} damaged frames one after the other; of the last, "
+            f"{self._damage}"
+        )
 
     def read_until(self, time_s: float) -> None:
         """Take the frames that come until a time."""
@@ -177,10 +181,12 @@ class _FrameLog:
                 "CLOCK_MONOTONIC; for USB cameras, load uvcvideo with clock=CLOCK_MONOTONIC"
             )
         if delivery.is_damaged or not delivery.data:
+            self._damage = "the driver says that data are missing"
             return False
         try:
             self.levels.append(self._level_of(delivery.data))
-        except UnreadableFrame:
+        except UnreadableFrame as error:
+            self._damage = str(error)
             return False
         self.recent.append(delivery)
         self._moments.append((delivery.sequence, delivery.timestamp_s))

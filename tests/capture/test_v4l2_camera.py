@@ -1,7 +1,10 @@
 """The camera as a whole, on a simulated node and stream: GREY pictures of 16 × 16 px."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -9,6 +12,7 @@ import capture.v4l2.camera
 from capture.errors import CameraLost, CameraStalled, InputError, UnreadableFrame
 from capture.merge import merge_bracket
 from capture.v4l2.camera import CameraRequest, open_camera
+from capture.v4l2.stream import Delivery
 from tests.capture.camera_rig import TIMES_S, Rig
 from tests.capture.simulated_camera import SCENE
 from tests.capture.simulated_node import EXPOSURE, GAIN
@@ -119,6 +123,47 @@ def test_a_camera_that_fails_while_it_is_opened_is_closed(
     with pytest.raises(error):
         open_camera(CameraRequest("0"))
     assert (rig.stream.closed, rig.node.closed) == (1, 1)
+
+
+@pytest.mark.parametrize("is_garbage", [lambda number: number == 0, lambda number: number % 3 == 0])
+def test_a_camera_whose_first_frames_are_garbage_is_opened_all_the_same(
+    monkeypatch: pytest.MonkeyPatch, is_garbage: Callable[[int], bool]
+) -> None:
+    """Many cameras begin with half a JPEG."""
+    rig = Rig(monkeypatch)
+    send_jpegs(rig, monkeypatch, is_garbage)
+    with open_camera(CameraRequest("0", pixel_format="MJPG")) as camera:
+        bracket = camera.capture(TIMES_S)
+    assert len(bracket.frames) == 3
+
+
+def test_a_camera_that_sends_nothing_but_garbage_is_given_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rig = Rig(monkeypatch)
+    send_jpegs(rig, monkeypatch, lambda number: True)
+    with pytest.raises(CameraStalled, match="40 damaged frames .* the frame's JPEG is"):
+        open_camera(CameraRequest("0", pixel_format="MJPG"))
+    assert (rig.stream.closed, rig.node.closed) == (1, 1)
+
+
+def send_jpegs(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, is_garbage: Callable[[int], bool]
+) -> None:
+    """Let the stream send MJPG, some of its frames cut after a few bytes, by their number."""
+    rig.node.formats = {"MJPG": [(16, 16)]}
+    grey = rig.stream.next_frame
+
+    def next_frame(timeout_s: float) -> Delivery | None:
+        delivery = grey(timeout_s)
+        if delivery is None:
+            return None
+        pixels = np.frombuffer(delivery.data, np.uint8).reshape(16, 16)
+        jpeg = cv2.imencode(".jpg", pixels)[1].tobytes()
+        end = 40 if is_garbage(delivery.sequence) else len(jpeg)
+        return replace(delivery, data=jpeg[:end])
+
+    monkeypatch.setattr(rig.stream, "next_frame", next_frame)
 
 
 def test_what_cannot_be_run_is_refused_and_closed(monkeypatch: pytest.MonkeyPatch) -> None:
