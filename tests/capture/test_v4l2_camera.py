@@ -133,8 +133,7 @@ def test_a_camera_whose_first_frames_are_garbage_is_opened_all_the_same(
     rig = Rig(monkeypatch)
     send_jpegs(rig, monkeypatch, is_garbage)
     with open_camera(CameraRequest("0", pixel_format="MJPG")) as camera:
-        bracket = camera.capture(TIMES_S)
-    assert len(bracket.frames) == 3
+        assert camera.settling.earliest_s <= rig.stream.delay_s <= camera.settling.latest_s
 
 
 def test_a_camera_that_sends_nothing_but_garbage_is_given_up(
@@ -142,7 +141,7 @@ def test_a_camera_that_sends_nothing_but_garbage_is_given_up(
 ) -> None:
     rig = Rig(monkeypatch)
     send_jpegs(rig, monkeypatch, lambda number: True)
-    with pytest.raises(CameraStalled, match="40 damaged frames .* the frame's JPEG is"):
+    with pytest.raises(CameraStalled, match=r"40 damaged frames .* the frame's JPEG is"):
         open_camera(CameraRequest("0", pixel_format="MJPG"))
     assert (rig.stream.closed, rig.node.closed) == (1, 1)
 
