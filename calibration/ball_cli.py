@@ -65,8 +65,8 @@ def calibrate_ball(
         How far it was tilted clockwise, as seen from behind it.
     reflectance
         Shares r,g,b of the light falling straight on the ball that it reflects, such as
-        0.55,0.56,0.55 of chrome. What it shows is divided by them, more at the rim by Fresnel's
-        law; without it, the ball is taken to reflect all.
+        0.55,0.56,0.55 of chrome. What it shows is divided by them, at each angle by Fresnel's
+        equations; without it, the ball is taken to reflect all.
     seen_twice
         Instead of --reflectance: pixels "x,y x,y" of a matt thing that the picture shows past the
         ball and in it, far from the ball over its radius.

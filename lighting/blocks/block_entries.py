@@ -12,7 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import Calibration
-from lighting.maps.pixel_grid import pixel_corners, pixel_illumination, strip_order
+from lighting.maps.pixel_grid import (
+    pixel_corners,
+    pixel_illumination,
+    pixel_reflected,
+    strip_order,
+)
 from lighting.maps.pixel_moments import pixel_moments
 from lighting.sphere.latlong import cell_directions, direction_to_grid
 
@@ -36,6 +41,8 @@ class Entries(NamedTuple):
         precision is enough.
     illumination : (H W,) float32
         Relative illumination of each pixel; empty if it is 1 everywhere.
+    reflected : (H W, 3) float32
+        What a mirror ball reflects to each pixel, by which its radiance is divided; or empty.
     """
 
     blocks: NDArray[np.int64]
@@ -44,6 +51,7 @@ class Entries(NamedTuple):
     pixels: NDArray[np.uint32]
     weights: NDArray[np.float32]
     illumination: NDArray[np.float32]
+    reflected: NDArray[np.float32]
 
 
 def block_entries(calibration: Calibration, rows: int, first_row: int, last_row: int) -> Entries:
@@ -74,4 +82,5 @@ def block_entries(calibration: Calibration, rows: int, first_row: int, last_row:
         pixels=pixels[order].astype(np.uint32),
         weights=weights[order].astype(np.float32),
         illumination=illumination,
+        reflected=pixel_reflected(calibration, first_row, last_row),
     )

@@ -129,6 +129,8 @@ class _Light:
         cuts = np.linspace(0, entries.starts[-1], _TASKS + 1)
         tasks = np.searchsorted(entries.starts, cuts)
         pixel_radiance = radiance.reshape(-1, 3)
+        if entries.reflected.size:
+            pixel_radiance = pixel_radiance / entries.reflected
         _add_light(
             tasks,
             entries.blocks,

@@ -57,6 +57,21 @@ def pixel_illumination(
     return np.where(seen, illumination, 1.0).astype(np.float32).ravel()
 
 
+def pixel_reflected(calibration: Calibration, first_row: int, last_row: int) -> NDArray[np.float32]:
+    """Return the share of each channel that a mirror ball reflects to rows of pixels, (h W, 3).
+
+    Empty for lenses, and for balls whose reflectance is not known.
+    """
+    if not calibration.reflectance:
+        return np.empty((0, 3), np.float32)
+    directions, seen = calibration.unproject(
+        _pixels(calibration.image_size_px[0], first_row, last_row)
+    )
+    reflected = np.ones((*seen.shape, 3), np.float32)
+    reflected[seen] = calibration.reflected_share(directions[seen])
+    return reflected.reshape(-1, 3)
+
+
 def strip_order(first_pixels: NDArray[np.integer[Any]], width_px: int) -> NDArray[np.int64]:
     """Return in which order cells are best visited, given a pixel of each (n,) by flat index.
 

@@ -22,7 +22,12 @@ from capture.errors import InputError
 from capture.radiance import RadianceImage
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.footprint import BAND_PARTS, add_band, count_entries, fill_entries, row_balance
-from lighting.maps.pixel_grid import pixel_corners, pixel_illumination, strip_order
+from lighting.maps.pixel_grid import (
+    pixel_corners,
+    pixel_illumination,
+    pixel_reflected,
+    strip_order,
+)
 from lighting.sphere.latlong import solid_angles
 
 _FULL = 0.8
@@ -60,6 +65,8 @@ class Remap:
         Share of each cell's solid angle that the camera sees, 0 to 1.
     illumination : (H W,) float32
         Relative illumination of each pixel; empty if it is 1 everywhere.
+    reflected : (H W, 3) float32
+        What a mirror ball reflects to each pixel, by which its radiance is divided; or empty.
     """
 
     height: int
@@ -70,6 +77,7 @@ class Remap:
     weights: NDArray[np.float32]
     coverage: NDArray[np.float32]
     illumination: NDArray[np.float32]
+    reflected: NDArray[np.float32]
 
 
 def build_remap(calibration: Calibration, height: int) -> Remap:
@@ -102,6 +110,7 @@ def build_remap(calibration: Calibration, height: int) -> Remap:
         weights=weights[order],
         coverage=coverage.reshape(height, 2 * height),
         illumination=illumination,
+        reflected=pixel_reflected(calibration, 0, calibration.image_size_px[1]),
     )
 
 
@@ -123,6 +132,8 @@ def apply_remap(remap: Remap, image: RadianceImage) -> EnvironmentMap:
         )
     shape = (remap.height, 2 * remap.height)
     pixels = image.radiance.reshape(-1, 3)
+    if remap.reflected.size:
+        pixels = pixels / remap.reflected
     tasks = np.searchsorted(remap.starts, np.linspace(0, remap.starts[-1], _TASKS + 1)[1:-1])
     tasks = np.concatenate([[0], tasks, [remap.starts.size - 1]])
     # numpy asks for huge pages, numba does not, and its fresh pages take as long as some products.
@@ -179,11 +190,14 @@ def remap_image(calibration: Calibration, image: RadianceImage, height: int) -> 
     for first in range(0, rows, band_rows):
         last = min(first + band_rows, rows)
         corners, seen = pixel_corners(calibration, first, last)
+        band = image.radiance[first:last]
+        if calibration.reflectance:
+            band = band / pixel_reflected(calibration, first, last).reshape(band.shape)
         add_band(
             corners,
             seen & image.valid[first:last],
             factors,
-            image.radiance[first:last],
+            band,
             pixel_illumination(calibration, first, last).reshape(-1, columns),
             image.clipped[first:last],
             flux,

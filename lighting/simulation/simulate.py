@@ -61,8 +61,8 @@ class View:
         Pixels whose centre the camera sees; P of them.
     solid_angle : (H, W) float64
         In sr; 0 where the pixel is unseen.
-    illumination : (P,) float64
-        Relative illumination.
+    illumination : (P, 1) or (P, 3) float64
+        Relative illumination, times what a mirror ball reflects of each channel.
     rows, columns : (S, P) int16 and float32
         Grid coordinates of S samples spread over each seen pixel.
     """
@@ -98,7 +98,9 @@ def build_view(calibration: Calibration, height: int) -> View:
         coordinates = direction_to_grid(sampled, height)
         columns[index] = coordinates[..., 0]
         rows[index] = np.clip(np.rint(coordinates[..., 1]), 0, height - 1)
-    illumination = calibration.illumination(directions[seen])
+    illumination = calibration.illumination(directions[seen])[:, None]
+    if calibration.reflectance:
+        illumination = illumination * calibration.reflected_share(directions[seen])
     return View(calibration, height, seen, solid_angle, illumination, rows, columns)
 
 
@@ -118,7 +120,7 @@ def see(view: View, moment: Moment) -> NDArray[np.float64]:
     radiance[view.seen] = total * (moment.brightness / len(view.rows))
     for disc in moment.discs:
         _add_disc(radiance, view, disc)
-    radiance[view.seen] *= view.illumination[:, None]
+    radiance[view.seen] *= view.illumination
     return radiance
 
 

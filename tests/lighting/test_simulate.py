@@ -67,7 +67,7 @@ DARK = environment(np.zeros((8, 16, 3)))
 def test_a_constant_world_is_constant_but_for_vignetting(camera: Calibration) -> None:
     view = build_view(camera, 8)
     light = see(view, Moment(0.0, environment(np.full((8, 16, 3), 0.75)), yaw_rad=0.3))
-    expected = 0.75 * view.illumination[:, None] * np.ones(3)
+    expected = 0.75 * view.illumination * np.ones(3)
     np.testing.assert_allclose(light[view.seen], expected, rtol=1e-6)
     assert not light[~view.seen].any()
     assert (view.illumination.min() < 0.9) == bool(camera.vignetting)
@@ -120,7 +120,7 @@ def test_a_disc_keeps_its_flux_whatever_its_size(camera: Calibration, radius_rad
         direction = camera.unproject(np.array(pixel))[0]
         disc = Disc("lamp", direction, radius_rad, np.array([3.0, 2.0, 1.0]))
         light = see(view, Moment(0.0, DARK, discs=(disc,)))
-        light[view.seen] /= view.illumination[:, None]
+        light[view.seen] /= view.illumination
         flux = (light * view.solid_angle[..., None]).sum(axis=(0, 1))
         np.testing.assert_allclose(flux, disc.irradiance, rtol=1e-9)
         # No pixel is brighter than the disc, but for the unevenness of its points.
