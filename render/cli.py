@@ -3,5 +3,6 @@
 COMMANDS: tuple[tuple[str, str], ...] = (
     ("render.render_cli:render", "render"),
     ("render.replay_cli:replay_command", "replay"),
+    ("render.live_cli:live", "live"),
     ("render.doctor_cli:doctor", "doctor"),
 )

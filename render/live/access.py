@@ -1,0 +1,101 @@
+"""Who may talk to the server: requests judged by host, origin and token.
+
+A page of another site, whose scripts run in the same browser, must reach nothing: its Origin is not
+ours, and after DNS rebinding its Host is not. Another user of the machine has no token.
+"""
+
+import hmac
+import ipaddress
+import secrets
+import socket
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from urllib.parse import urlsplit
+
+from capture.errors import InputError
+
+LOOPBACK = "127.0.0.1"
+PROTOCOL_PREFIX = "fishlight.token."
+"""A page of another origin cannot set headers of a WebSocket; it offers the token as a protocol."""
+
+_LOOPBACK_NAMES = ("127.0.0.1", "localhost", "::1")
+_WILDCARDS = ("0.0.0.0", "::")
+
+
+def _new_token() -> str:
+    return secrets.token_urlsafe(32)
+
+
+@dataclass(frozen=True)
+class Access:
+    """The rules of one server.
+
+    Attributes
+    ----------
+    host : str
+        Address that it listens on.
+    origins : tuple of str
+        Pages beside its own that may follow the lights, such as http://localhost:5173.
+    token : str
+        Random for each run.
+    """
+
+    host: str = LOOPBACK
+    origins: tuple[str, ...] = ()
+    token: str = field(default_factory=_new_token, repr=False)
+
+    def is_own_host(self, host_header: str | None) -> bool:
+        """Whether a Host header names this server and not another site's alias of it."""
+        name = _host_name(host_header)
+        if name is None:
+            return False
+        if name in _LOOPBACK_NAMES or name == self.host.lower():
+            return True
+        if self.host not in _WILDCARDS:
+            return False
+        return _is_address(name) or name == socket.gethostname().lower()
+
+    def is_allowed_origin(self, origin: str | None, host_header: str | None) -> bool:
+        """Whether an Origin header is absent, this server's own, or one that was let in."""
+        return origin is None or origin == f"http://{host_header}" or origin in self.origins
+
+    def is_token(self, offered: str | None) -> bool:
+        """Whether the token is right, in a time that does not tell how much of it is."""
+        return offered is not None and hmac.compare_digest(offered.encode(), self.token.encode())
+
+
+def offered_token(authorization: str | None, protocols: str | None) -> str | None:
+    """Return the token in an Authorization or Sec-WebSocket-Protocol header."""
+    scheme, _, token = (authorization or "").partition(" ")
+    if scheme.lower() == "bearer":
+        return token.strip()
+    for protocol in (protocols or "").split(","):
+        if protocol.strip().startswith(PROTOCOL_PREFIX):
+            return protocol.strip().removeprefix(PROTOCOL_PREFIX)
+    return None
+
+
+def checked_origins(origins: Sequence[str]) -> tuple[str, ...]:
+    """Return origins as browsers write them; InputError for anything that is none."""
+    for origin in origins:
+        parts = urlsplit(origin)
+        if parts.scheme not in ("http", "https") or origin != f"{parts.scheme}://{parts.netloc}":
+            raise InputError(
+                f"--origin {origin}: wanted scheme, host and port, http://localhost:5173"
+            )
+    return tuple(origins)
+
+
+def _host_name(host_header: str | None) -> str | None:
+    try:
+        return urlsplit(f"//{host_header}").hostname if host_header else None
+    except ValueError:
+        return None
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,332 @@
+"""The server of a live session: its page, its pictures and the stream of its lights.
+
+It runs in a thread of its own and never makes the session wait. Each client is sent the newest
+there is when it is ready for it: one that sleeps is sent nothing, and one that takes nothing is let
+go after some seconds.
+
+Input  : what the Desk publishes; requests, judged by `Access` before anything else is looked at.
+Output : GET / and its parts; the WebSockets /view (pictures, settings) and /lights (stream.py).
+No request names a file: the page's parts are a fixed list, and results are named by the session.
+"""
+
+import asyncio
+import threading
+from collections.abc import Awaitable, Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from importlib.resources import files
+from types import TracebackType
+from typing import Any, Self
+
+import msgspec
+from aiohttp import WSMsgType, web
+
+from capture.errors import FishlightError, InputError
+from render.live.access import Access, offered_token
+from render.live.channel import Channel
+from render.live.desk import Desk, Request
+from render.live.encoding import encode_frame
+from render.live.limits import (
+    HEARTBEAT_S,
+    MOST_CLIENTS,
+    MOST_MESSAGE_BYTES,
+    SEND_TIMEOUT_S,
+    Allowance,
+)
+from render.live.stream import PROTOCOL, stream_message
+
+_PARTS = {
+    "index.html": "text/html",
+    "style.css": "text/css",
+    "app.js": "text/javascript",
+    "connection.js": "text/javascript",
+    "controls.js": "text/javascript",
+    "map.js": "text/javascript",
+    "panels.js": "text/javascript",
+    "strip.js": "text/javascript",
+    "orbit.js": "text/javascript",
+    "icon.svg": "image/svg+xml",
+}
+
+_HEADERS = {
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
+        "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+
+_TOO_MANY = 1013  # WebSocket close codes, RFC 6455 and IANA's registry
+_VIOLATION = 1008
+_IN_FLIGHT = 2  # pictures sent that were not yet said to be shown
+
+
+class _Message(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a viewer may say."""
+
+    set: dict[str, Any] | None = None
+    ask: Request | None = None
+    shown: int | None = None
+
+
+class LiveServer:
+    """Serves a desk while its `with` block lasts.
+
+    Parameters
+    ----------
+    desk : Desk
+    access : Access
+    port : int
+        0 for any that is free.
+
+    Attributes
+    ----------
+    address : str
+        To be opened in a browser, with the token.
+
+    Raises
+    ------
+    InputError
+        If the address cannot be listened on.
+    """
+
+    def __init__(self, desk: Desk, access: Access, port: int = 0) -> None:
+        self._desk = desk
+        self._access = access
+        self._port = port
+        self._thread = threading.Thread(target=self._run, name="fishlight-server", daemon=True)
+        self._ready = threading.Event()
+        self._error: OSError | None = None
+        self._loop: asyncio.AbstractEventLoop
+        self._stopped: asyncio.Event
+        self._news: asyncio.Event
+        self._view: Channel[bytes]
+        self._lights: Channel[str]
+        self._viewers: set[web.WebSocketResponse] = set()
+        self._followers: set[web.WebSocketResponse] = set()
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        self._ready.wait()
+        if self._error is not None:
+            reason = self._error.strerror or self._error
+            raise InputError(f"--host {self._access.host} --port {self._port}: {reason}")
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._loop.call_soon_threadsafe(self._stopped.set)
+        self._thread.join()
+
+    @property
+    def address(self) -> str:
+        """Where to go, the token included."""
+        host = f"[{self._access.host}]" if ":" in self._access.host else self._access.host
+        return f"http://{host}:{self._port}/?token={self._access.token}"
+
+    def _run(self) -> None:
+        asyncio.run(self._serve())
+
+    async def _serve(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._stopped, self._news = asyncio.Event(), asyncio.Event()
+        self._view, self._lights = Channel(), Channel()
+        app = web.Application(middlewares=[self._judged], client_max_size=MOST_MESSAGE_BYTES)
+        app.router.add_get("/view", self._serve_view)
+        app.router.add_get("/lights", self._serve_lights)
+        app.router.add_get("/{name:[a-z]*[.a-z]*}", self._serve_page)
+        runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
+        await runner.setup()
+        site = web.TCPSite(runner, self._access.host, self._port)
+        try:
+            await site.start()
+        except OSError as error:
+            self._error = error
+            self._ready.set()
+            await runner.cleanup()
+            return
+        self._port = runner.addresses[0][1]
+        self._desk.listen(self._on_news)
+        encoding = asyncio.create_task(self._encode())
+        self._ready.set()
+        await self._stopped.wait()
+        encoding.cancel()
+        with suppress(asyncio.CancelledError):
+            await encoding
+        for client in {*self._viewers, *self._followers}:
+            with suppress(Exception):
+                await asyncio.wait_for(client.close(), 0.5)
+        await runner.cleanup()
+
+    def _on_news(self) -> None:
+        with suppress(RuntimeError):  # the loop has ended
+            self._loop.call_soon_threadsafe(self._news.set)
+
+    async def _encode(self) -> None:
+        """Make messages of what is published, the newest only, while somebody wants them."""
+        with ThreadPoolExecutor(1, "fishlight-encoder") as encoder:
+            while True:
+                await self._news.wait()
+                self._news.clear()
+                frame = self._desk.newest
+                if frame is None:
+                    continue
+                await self._lights.put(stream_message(frame))
+                if self._viewers:
+                    data = await self._loop.run_in_executor(
+                        encoder, encode_frame, frame, self._desk
+                    )
+                    await self._view.put(data)
+
+    @web.middleware
+    async def _judged(
+        self,
+        request: web.Request,
+        handler: Callable[[web.Request], Awaitable[web.StreamResponse]],
+    ) -> web.StreamResponse:
+        """Refuse what does not come from a page of ours, or from one who has the token."""
+        host, origin = request.headers.get("Host"), request.headers.get("Origin")
+        access = self._access
+        if not access.is_own_host(host) or not access.is_allowed_origin(origin, host):
+            return _refusal(403, "This host or origin is not served.")
+        offered = (
+            request.query.get("token")
+            or offered_token(
+                request.headers.get("Authorization"), request.headers.get("Sec-WebSocket-Protocol")
+            )
+            or request.cookies.get(self._cookie)
+        )
+        if not access.is_token(offered):
+            return _refusal(
+                401, "This needs the whole address that `fishlight live` printed, with its token."
+            )
+        if "token" in request.query:
+            return self._without_token_in_address()
+        try:
+            response = await handler(request)
+        except web.HTTPException as error:
+            return _refusal(error.status, error.reason)
+        if not response.prepared:
+            response.headers.update(_HEADERS)
+        return response
+
+    @property
+    def _cookie(self) -> str:
+        return f"fishlight-{self._port}"  # cookies of all ports of a host are sent to each
+
+    def _without_token_in_address(self) -> web.StreamResponse:
+        response = web.Response(status=303, headers={**_HEADERS, "Location": "/"})
+        response.set_cookie(self._cookie, self._access.token, httponly=True, samesite="Strict")
+        return response
+
+    async def _serve_page(self, request: web.Request) -> web.StreamResponse:
+        name = request.match_info["name"] or "index.html"
+        if name not in _PARTS:
+            raise web.HTTPNotFound
+        body = (files("render.viewer") / name).read_bytes()
+        return web.Response(body=body, content_type=_PARTS[name], charset="utf-8")
+
+    async def _serve_view(self, request: web.Request) -> web.StreamResponse:
+        if request.headers.get("Origin") in self._access.origins:
+            raise web.HTTPForbidden  # other pages follow the lights and steer nothing
+        socket = await self._opened(request, self._viewers)
+        if not socket.closed:
+            self._desk.is_watched = True
+            self._desk.on_change()
+            self._news.set()
+            shown = asyncio.BoundedSemaphore(_IN_FLIGHT)
+            sending = asyncio.create_task(self._send_newest(socket, self._view, shown))
+            try:
+                await self._obey(socket, shown)
+            finally:
+                sending.cancel()
+        self._left(socket)
+        return socket
+
+    async def _serve_lights(self, request: web.Request) -> web.StreamResponse:
+        socket = await self._opened(request, self._followers)
+        if not socket.closed:
+            sending = asyncio.create_task(self._send_newest(socket, self._lights))
+            try:
+                async for _ in socket:  # followers have nothing to say
+                    await socket.close(code=_VIOLATION)
+            finally:
+                sending.cancel()
+        self._left(socket)
+        return socket
+
+    async def _opened(
+        self, request: web.Request, clients: set[web.WebSocketResponse]
+    ) -> web.WebSocketResponse:
+        """Return the WebSocket, closed if there are too many."""
+        socket = web.WebSocketResponse(
+            max_msg_size=MOST_MESSAGE_BYTES,
+            heartbeat=HEARTBEAT_S,
+            protocols=(PROTOCOL,),
+            compress=False,
+        )
+        socket.headers.update(_HEADERS)
+        await socket.prepare(request)
+        if len(clients) >= MOST_CLIENTS:
+            await socket.close(code=_TOO_MANY, message=b"too many clients")
+        else:
+            clients.add(socket)
+        return socket
+
+    def _left(self, socket: web.WebSocketResponse) -> None:
+        self._viewers.discard(socket)
+        self._followers.discard(socket)
+        self._desk.is_watched = bool(self._viewers)
+
+    async def _send_newest(
+        self,
+        socket: web.WebSocketResponse,
+        channel: Channel[Any],
+        shown: asyncio.Semaphore | None = None,
+    ) -> None:
+        number = 0
+        with suppress(ConnectionError, asyncio.CancelledError):
+            while not socket.closed:
+                if shown is not None:
+                    await shown.acquire()
+                number, message = await channel.after(number)
+                send = socket.send_bytes if isinstance(message, bytes) else socket.send_str
+                try:
+                    await asyncio.wait_for(send(message), SEND_TIMEOUT_S)
+                except TimeoutError:
+                    await socket.close(code=_VIOLATION, message=b"too slow")
+
+    async def _obey(self, socket: web.WebSocketResponse, shown: asyncio.Semaphore) -> None:
+        """Do what a viewer says until it leaves or says too much."""
+        allowance = Allowance()
+        async for message in socket:
+            if message.type is not WSMsgType.TEXT or not allowance.take():
+                await socket.close(code=_VIOLATION, message=b"too much, or not understood")
+                return
+            try:
+                said = msgspec.json.decode(message.data, type=_Message)
+            except (msgspec.DecodeError, UnicodeError, RecursionError):
+                await socket.close(code=_VIOLATION, message=b"not understood")
+                return
+            if said.shown is not None:
+                with suppress(ValueError):  # more was shown than sent, it says
+                    shown.release()
+            try:
+                if said.set is not None:
+                    self._desk.change(said.set)
+                if said.ask is not None:
+                    self._desk.ask(said.ask)
+            except FishlightError as error:
+                self._desk.answer(str(error), is_error=True)
+
+
+def _refusal(status: int, text: str) -> web.Response:
+    return web.Response(status=status, text=text + "\n", headers=_HEADERS)

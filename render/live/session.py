@@ -1,0 +1,296 @@
+"""A live session: brackets come, lights and pictures go out, and settings change between two.
+
+Input  : a source of brackets, the calibration of its camera and a Desk.
+Output : what the desk publishes after every bracket, and Counters at the end.
+Cost   : where nobody watches, and the method takes block sums, no map is made and nothing drawn.
+Fails  : a way from pictures to blocks is built when a method or count first needs it, which takes a
+         fifth of a second for 448 × 448 pixels.
+"""
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from statistics import median
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.camera import Calibration
+from capture.errors import UnreadableFrame
+from capture.frame import Bracket
+from capture.merge import merge_bracket
+from capture.picture_memory import PictureMemory
+from capture.radiance import RadianceImage
+from capture.reopening import CameraAway
+from lighting.blocks.block_sums import BlockSums
+from lighting.blocks.source_blocks import SourceBlocks, apply_source_blocks, build_source_blocks
+from lighting.light_set import LightSet
+from lighting.maps.environment import EnvironmentMap, luminance
+from lighting.maps.remap import apply_remap, build_remap
+from lighting.reduce import BLOCK_METHODS
+from lighting.stream.light_stream import LightPlan, StreamMemory, next_lights
+from render.live.desk import Desk, Seen, State
+from render.live.exposing import ViewExposure
+from render.live.picture import LivePicture
+from render.live.settings import Settings, light_plan
+from render.live.sources import Source
+from render.live.turning import turned_lights, turned_map
+from render.session import Counters, Policy, StageClock, run_session
+
+CAMERA_WIDTH_PX = 480
+"""About the width at which the camera's picture is shown."""
+
+ALL_CLIPPED = 0.9
+"""Share of the seen pixels from which on there is nothing to be measured."""
+
+_FRAMES = 30
+"""Whose times are shown and judged."""
+_KEPT_BLOCKS = 3
+
+Work = Callable[[Bracket, Seen], None]
+
+
+@dataclass(frozen=True, eq=False)
+class _Held:
+    """A merged bracket, kept as long as the light is frozen."""
+
+    image: RadianceImage
+    bracket: Bracket
+
+
+class LiveSession:
+    """What becomes of each bracket of one source.
+
+    Parameters
+    ----------
+    desk : Desk
+    source : Source
+    calibration : Calibration
+    map_height : int
+        Rows of the lat-long maps.
+    picture : LivePicture or None
+        None without OpenGL.
+    work : callable
+        Told of each bracket and what was seen of it, for recordings and snapshots.
+    """
+
+    def __init__(
+        self,
+        desk: Desk,
+        source: Source,
+        calibration: Calibration,
+        map_height: int,
+        picture: LivePicture | None,
+        work: Work,
+    ) -> None:
+        calibration.check_size(source.size_px, source.name)
+        self._desk = desk
+        self._source = source
+        self._calibration = calibration
+        self._picture = picture
+        self._work = work
+        self._remap = build_remap(calibration, map_height)
+        self._blocks: dict[int, SourceBlocks] = {}
+        self._memory: StreamMemory | None = None
+        self._planned: Settings | None = None
+        self._took_ms: float | None = None
+        self._merged = PictureMemory()
+        self._held: _Held | None = None
+        self._exposure = ViewExposure()
+        self._seen: Seen | None = None
+        self._seen_s = time.monotonic()
+        self._published_s: deque[float] = deque(maxlen=_FRAMES)
+        self._clock = StageClock(deque(maxlen=_FRAMES))
+        self._counters = Counters()
+        self._is_seen_px = _seen_pixels(calibration)
+
+    def run(self) -> Counters:
+        """Take brackets until the source ends or is stopped; what it raises is raised here."""
+        counters, _ = run_session(
+            self._source,
+            self._process,
+            policy=Policy.NEWEST,
+            on_failure=self._on_failure,
+            clock=self._clock,
+        )
+        self._counters = counters
+        self.publish(State("ended", "The session has ended."))
+        return counters
+
+    def publish(self, state: State) -> None:
+        """Publish the newest that was seen once more, in another state."""
+        age_s = time.monotonic() - self._seen_s
+        self._desk.publish(state, self._seen, age_s, self._account(age_s))
+
+    def _on_failure(self, error: UnreadableFrame) -> None:
+        if isinstance(error, CameraAway):
+            self.publish(State("away", str(error)))
+
+    def _process(self, bracket: Bracket, clock: StageClock, counters: Counters) -> None:
+        self._counters = counters
+        settings = self._desk.settings
+        held = self._held if settings.is_frozen else None
+        if held is None:
+            with clock.stage("merge"):
+                image = merge_bracket(bracket, self._source.sensor, self._merged)
+            held = _Held(image, bracket)
+        self._held = held if settings.is_frozen else None
+        counters.merged += 1
+
+        is_watched = self._desk.is_watched
+        plan = self._plan(settings)
+        environment = None
+        if is_watched or plan.method not in BLOCK_METHODS:
+            with clock.stage("remap"):
+                environment = apply_remap(self._remap, held.image)
+        lights = self._lights(held, environment, plan, clock)
+        lights = turned_lights(lights, settings.yaw_rad)
+        picture = None
+        if is_watched:
+            assert environment is not None
+            environment = turned_map(environment, settings.yaw_rad)
+            picture = self._drawn(settings, lights, environment, clock)
+        self._took_ms = clock.frames[-1]["lights"] + clock.frames[-1].get("render", 0.0)
+        counters.rendered += 1
+
+        camera = _thinned(held.image, self._is_seen_px)
+        view_ev = self._exposure.next_ev(
+            settings.view_ev, picture, luminance(camera.radiance[camera.valid]).astype(np.float32)
+        )
+        is_draft = self._picture is not None and self._picture.is_draft
+        self._seen = Seen(lights, camera, environment, picture, view_ev, is_draft)
+        self._seen_s = held.bracket.timestamp_s
+        self._published_s.append(time.monotonic())
+        self.publish(_state(lights, camera))
+        self._work(bracket, self._seen)
+
+    def _plan(self, settings: Settings) -> LightPlan:
+        """Return what lights are wanted; other settings than before begin without memory."""
+        plan = light_plan(settings, self._other_ms())
+        if self._planned is None or _asked(settings) != _asked(self._planned):
+            self._memory = self._took_ms = None
+        self._planned = settings
+        return plan
+
+    def _lights(
+        self,
+        held: _Held,
+        environment: EnvironmentMap | None,
+        plan: LightPlan,
+        clock: StageClock,
+    ) -> LightSet:
+        view: EnvironmentMap | BlockSums
+        if plan.method in BLOCK_METHODS:
+            with clock.stage("blocks"):
+                view = apply_source_blocks(self._source_blocks(plan.block_rows), held.image)
+        else:
+            assert environment is not None
+            view = environment
+        with clock.stage("lights"):
+            lights, self._memory = next_lights(
+                view,
+                plan,
+                self._memory,
+                took_ms=self._took_ms,
+                timestamp_s=held.bracket.timestamp_s,
+                source=f"{self._source.name}, bracket {held.bracket.index}",
+            )
+        return lights
+
+    def _source_blocks(self, rows: int) -> SourceBlocks:
+        blocks = self._blocks.pop(rows, None) or build_source_blocks(self._calibration, rows)
+        self._blocks[rows] = blocks  # the last of them was used last
+        if len(self._blocks) > _KEPT_BLOCKS:
+            del self._blocks[next(iter(self._blocks))]
+        return blocks
+
+    def _drawn(
+        self, settings: Settings, lights: LightSet, environment: EnvironmentMap, clock: StageClock
+    ) -> NDArray[np.float32] | None:
+        if self._picture is None:
+            return None
+        with clock.stage("render"):
+            return self._picture.render(
+                settings, lights, environment if settings.is_background else None
+            )
+
+    def _other_ms(self) -> float:
+        """Return what frames spend before their lights and picture, in the median."""
+        stages = ("merge", "remap", "blocks")
+        spent = [sum(frame.get(stage, 0.0) for stage in stages) for frame in self._clock.frames]
+        return median(spent) if spent else 0.0
+
+    def _account(self, age_s: float) -> dict[str, Any]:
+        """Return the numbers that people are shown."""
+        frames = self._clock.frames
+        times_ms = dict(frames[-1]) if frames else {}
+        begun_s = self._published_s
+        elapsed_s = begun_s[-1] - begun_s[0] if len(begun_s) > 1 else 0.0
+        counters = self._counters
+        return {
+            "counters": vars(counters).copy(),
+            "times_ms": {name: round(ms, 2) for name, ms in times_ms.items()},
+            "frame_rate_hz": round((len(begun_s) - 1) / elapsed_s, 1) if elapsed_s else None,
+            "latency_ms": round(1e3 * age_s, 1),
+            "source": self._source.name,
+            "size_px": self._source.size_px,
+            "gl": self._picture.gl if self._picture else None,
+        }
+
+
+def _asked(settings: Settings) -> tuple[object, ...]:
+    """Return the settings that say which lights there are; other ones leave the memory alone."""
+    return (
+        settings.method,
+        settings.is_auto,
+        settings.count,
+        settings.error,
+        settings.frame_rate_hz,
+        settings.is_steady,
+    )
+
+
+def _state(lights: LightSet, camera: RadianceImage) -> State:
+    seen = np.count_nonzero(camera.valid)
+    if seen and np.count_nonzero(camera.clipped & camera.valid) >= ALL_CLIPPED * seen:
+        return State(
+            "clipped",
+            "Everything is too bright for the shortest exposure: the lights are a lower bound. "
+            "Give shorter exposures, or close the aperture.",
+        )
+    if not lights.integral().any():
+        return State("dark", "No light: is the cap on the lens, or are the exposures too short?")
+    return State("running")
+
+
+def _step(size_px: tuple[int, int]) -> int:
+    return max(1, round(size_px[0] / CAMERA_WIDTH_PX))
+
+
+def _seen_pixels(calibration: Calibration) -> NDArray[np.bool_]:
+    """Return which of the thinned-out pixels the calibration says are seen."""
+    width, height = calibration.image_size_px
+    step = _step(calibration.image_size_px)
+    at = np.stack(np.meshgrid(np.arange(0, width, step), np.arange(0, height, step)), axis=-1)
+    return calibration.unproject(at)[1]
+
+
+def _thinned(image: RadianceImage, is_seen: NDArray[np.bool_]) -> RadianceImage:
+    """Return every n-th pixel, clipped if any that it stands for is; unseen ones not valid.
+
+    The session's own picture is written over by the next bracket's; this one lasts.
+    """
+    step = _step(image.size_px)
+    radiance = image.radiance[::step, ::step].copy()
+    clipped = np.zeros(is_seen.shape, np.bool_)
+    if image.clipped.any():
+        for row in range(step):
+            for column in range(step):
+                part = image.clipped[row::step, column::step]
+                clipped[: part.shape[0], : part.shape[1]] |= part
+    valid = image.valid[::step, ::step] & is_seen
+    return RadianceImage(
+        radiance, np.zeros_like(radiance), valid, clipped & is_seen, image.scale, image.primaries
+    )

@@ -1,0 +1,85 @@
+"""The stream of lights that other programs follow: JSON, one text message for each moment.
+
+A message is one object:
+
+    schema      "fishlight-light-stream/1"; a later 1.x may have more keys
+    frame       number of the moment; rises, and has gaps where a follower was slower
+    time_s      moment of the bracket on the sender's clock, as in `lights`; never falls
+    age_s       seconds from then until this was sent
+    stale       true if nothing newer can be had: the camera is away, or the session has ended
+    valid       false if there is nothing to go by: no light yet, all clipped, or all dark
+    state       "running", "away", "clipped", "dark", "ended", … (render/live/desk.py)
+    lights      null before the first; else the object of lights.json (lighting/light_files.py)
+
+Newest wins: what a follower was too slow to take is never sent.
+"""
+
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from lighting.light_set import LightSet
+from render.live.desk import LiveFrame
+
+SCHEMA = "fishlight-light-stream/1"
+PROTOCOL = "fishlight-lights.1"
+
+_VALID_STATES = ("running", "away", "ended")
+_STALE_STATES = ("away", "no-camera", "ended", "failed")
+
+
+class StreamMessage(msgspec.Struct, frozen=True):
+    """A moment of the stream, as a follower reads it."""
+
+    schema: str
+    frame: int
+    time_s: float
+    age_s: float
+    stale: bool
+    valid: bool
+    state: str
+    lights: dict[str, Any] | None = None
+
+
+def stream_message(frame: LiveFrame) -> str:
+    """Return what followers are sent of a moment."""
+    lights = None if frame.seen is None else frame.seen.lights
+    message = StreamMessage(
+        schema=SCHEMA,
+        frame=frame.number,
+        time_s=0.0 if lights is None else lights.timestamp_s,
+        age_s=frame.age_s,
+        stale=frame.state.name in _STALE_STATES,
+        valid=lights is not None and frame.state.name in _VALID_STATES,
+        state=frame.state.name,
+        lights=None if lights is None else lights_object(lights),
+    )
+    return msgspec.json.encode(message).decode()
+
+
+def lights_object(lights: LightSet) -> dict[str, Any]:
+    """Return the object of lights.json, with every digit."""
+    columns = {
+        "direction": lights.directions,
+        "irradiance": lights.irradiance,
+        "angular_radius_rad": lights.angular_radius_rad,
+        "is_key": lights.is_key,
+        "shadow_map_px": lights.shadow_map_px,
+    }
+    rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
+    return {
+        "schema": "fishlight-lights/1",
+        "coordinate_frame": (
+            "world: right-handed, +Y up, metres; directions point from the scene toward the light"
+        ),
+        "colour_space": "linear Rec.709",
+        "scale": lights.scale,
+        "source": lights.source,
+        "timestamp_s": lights.timestamp_s,
+        "clipped_fraction": lights.clipped_fraction,
+        "predicted_error": lights.predicted_error,
+        "block_rows": lights.block_rows,
+        "fill": lights.fill.tolist() if lights.fill.any() else [],
+        "lights": [dict(zip(columns, row, strict=True)) for row in rows],
+    }

@@ -1,0 +1,167 @@
+"""`fishlight live`: a camera's light while it changes, watched and steered from a browser."""
+
+import os
+import signal
+import sys
+import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from capture.arguments import WholeNumber, parse_exposures, parse_size
+from capture.errors import InputError
+from capture.v4l2.camera import CameraRequest
+from lighting.light_arguments import AUTO, DEFAULT_ERROR, Count, Error, MethodName, most_lights
+from lighting.reduce import ADAPTIVE
+from lighting.remap_cli import check_map_height
+from render.live.access import LOOPBACK, Access, checked_origins
+from render.live.desk import Desk
+from render.live.models import load_models
+from render.live.running import LiveRequest, Stop, run_live
+from render.live.server import LiveServer
+from render.live.settings import Settings, changed
+
+PORT = 8040
+
+
+def live(
+    source: str,
+    /,
+    *,
+    calibration: Path | None = None,
+    count: Count = 64,
+    error: Error = None,
+    method: MethodName = ADAPTIVE,
+    frame_rate: float | None = None,
+    exposures: str | None = None,
+    camera_size: str | None = None,
+    format: str | None = None,
+    rate: float | None = None,
+    mains_hz: float | None = None,
+    once: bool = False,
+    mesh: Annotated[tuple[Path, ...], Parameter(negative=())] = (),
+    size: str = "640x480",
+    height: WholeNumber = 256,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("live-output"),
+    host: str = LOOPBACK,
+    port: WholeNumber = PORT,
+    origin: Annotated[tuple[str, ...], Parameter(negative=())] = (),
+    headless: bool = False,
+) -> None:
+    """Turn a camera's light into lights and pictures as it comes, on a page to watch and steer it.
+
+    The address that is printed opens the page; it holds a token, without which nothing is served.
+    `fishlight follow` takes the same address. Ctrl-C ends the session.
+
+    Parameters
+    ----------
+    source
+        Path, number, name or id of a camera, or the folder of a recording, which is played at its
+        own pace, over and over.
+    calibration
+        The camera's cal.json; a recording's own if not given.
+    frame_rate
+        With --count auto: no more lights than leave so many frames a second.
+    exposures
+        Exposure times of a camera's brackets in seconds, such as 1/1000,1/60; chosen for the scene
+        if not given.
+    camera_size
+        Size of a camera's pictures, WIDTHxHEIGHT; as it is set if not given.
+    format
+        A camera's pixel format, such as MJPG; as it is set if not given.
+    rate
+        Frames per second of a camera, the highest if not given; brackets per second of a recording,
+        its own pace if not given.
+    mains_hz
+        Frequency of the mains that feed the lamps, 50, 60 or 0; looked for if not given.
+    once
+        Play a recording once.
+    mesh
+        OBJ, glTF, GLB or PLY to choose on the page; may be given several times.
+    size
+        Size of the rendered picture, WIDTHxHEIGHT.
+    height
+        Rows of the lat-long map, which is twice as wide.
+    output
+        Folder for snapshots, exports and recordings that are asked for on the page.
+    host
+        Address to listen on, so that other machines can connect: whoever has the printed address
+        can watch and steer, and what is sent can be read on the way.
+    port
+        To listen on; 0 for any that is free.
+    origin
+        A page of another server that may follow the lights, such as http://localhost:5173.
+    headless
+        Open no browser, and end with an error where something is missing.
+    """
+    check_map_height(height)
+    if not 0 <= port <= 65535:
+        raise InputError(f"--port {port}: wanted 0 to 65535")
+    if rate is not None and not 0 < rate <= 1000:
+        raise InputError(f"--rate {rate:g}: wanted more than 0, and at most 1000")
+    most_lights(count, error, method)  # refuses what does not go together
+    is_auto = count == AUTO
+    settings = changed(
+        Settings(),
+        {
+            "method": method,
+            "is_auto": is_auto,
+            **({} if is_auto else {"count": count}),
+            "error": DEFAULT_ERROR if error is None else error,
+            "frame_rate_hz": frame_rate,
+            "exposures_s": None if exposures is None else list(parse_exposures(exposures)),
+            **({"model": mesh[0].stem} if mesh else {}),
+        },
+    )
+    access = Access(host, checked_origins(origin))
+    camera_px = None if camera_size is None else parse_size(camera_size)
+    request = LiveRequest(
+        CameraRequest(source, camera_px, format, rate),
+        calibration,
+        mains_hz,
+        once,
+        height,
+        parse_size(size),
+        output,
+    )
+    desk = Desk(settings, load_models(mesh))
+    with LiveServer(desk, access, port) as server, _stopped_by_signals() as stop:
+        print(f"{server.address}\nCtrl-C ends the session.", flush=True)
+        if not headless and _has_desktop():
+            webbrowser.open(server.address)
+        counters = run_live(request, desk, stop, is_patient=not headless)
+    print(
+        f"brackets: {counters.captured} captured, {counters.replaced} replaced, "
+        f"{counters.merged} merged, {counters.rendered} rendered, {counters.failed} failed"
+    )
+
+
+@contextmanager
+def _stopped_by_signals() -> Iterator[Stop]:
+    """Yield what Ctrl-C and SIGTERM set; a second one ends the program at once."""
+    stop = Stop()
+    older = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+
+    def restore() -> None:
+        for number, handler in older.items():
+            signal.signal(number, handler)
+
+    def on_signal(_number: int, _frame: object) -> None:
+        stop.set()
+        restore()
+
+    for number in older:
+        signal.signal(number, on_signal)
+    try:
+        yield stop
+    finally:
+        restore()
+
+
+def _has_desktop() -> bool:
+    return sys.platform == "darwin" or bool(
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    )

@@ -1,0 +1,1 @@
+"""The page of a live session, and examples that follow its lights."""
