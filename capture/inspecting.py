@@ -10,12 +10,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import cv2
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from capture.errors import UnreadableFrame
 from capture.frame import Exposure, Frame
+from capture.manifest import DeviceRecord
 from capture.progress import progress
 from capture.recording import Recording
 from capture.sensor import Sensor, srgb_encode
@@ -88,6 +90,7 @@ def describe(recording: Recording, examination: Examination) -> list[tuple[str, 
     width_px, height_px = recording.size_px
     return [
         ("camera", manifest.camera or "not told"),
+        *_device_facts(manifest.device),
         ("sensor", f"black {sensor.black_dn:g}, white {sensor.white_dn:g}; {sensor.source}"),
         ("calibration", manifest.calibration or "none"),
         ("source", manifest.source or "not told"),
@@ -105,6 +108,19 @@ def describe(recording: Recording, examination: Examination) -> list[tuple[str, 
         ),
         ("clipped", f"{_share_text(examination.clipped_share)} of the shortest exposures' pixels"),
         ("black", f"{_share_text(examination.black_share)} of the longest exposures' pixels"),
+    ]
+
+
+def _device_facts(device: DeviceRecord | msgspec.UnsetType) -> list[tuple[str, str]]:
+    """Return the facts about a live camera; none of a recording that has another source."""
+    if isinstance(device, msgspec.UnsetType):
+        return []
+    driver = f"driver {device.driver}, " if device.driver else ""
+    controls = "; ".join(f"{name} {value}" for name, value in device.controls.items())
+    rate_hz = 1 / device.frame_interval_s
+    return [
+        ("device", f"{device.path}, {driver}{device.pixel_format}, {rate_hz:.3g} frames a second"),
+        ("controls", controls or "not told"),
     ]
 
 

@@ -79,11 +79,16 @@ class FrameRecord(msgspec.Struct, frozen=True):
 
 
 class DeviceRecord(msgspec.Struct, frozen=True):
-    """The live camera that was recorded: what it was called, and how it was run."""
+    """The live camera that was recorded: what it was called, and how it was run.
+
+    `controls` are by name what the camera said when recording began; exposures are in the frames.
+    """
 
     path: Text
     pixel_format: Text
     frame_interval_s: Positive
+    driver: Text = ""
+    controls: dict[Text, int] = {}
 
 
 class Manifest(msgspec.Struct, frozen=True, kw_only=True):

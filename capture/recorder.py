@@ -137,7 +137,13 @@ def record(
             first.sensor,
             calibration=calibration,
             source=f"recorded from {request.device}",
-            device=DeviceRecord(request.device, first.pixel_format, first.frame_interval_s),
+            device=DeviceRecord(
+                request.device,
+                first.pixel_format,
+                first.frame_interval_s,
+                first.driver,
+                first.read_controls(),
+            ),
             force=force,
         ) as writer:
             end_s = time.monotonic() + (length.duration_s or math.inf)

@@ -19,7 +19,7 @@ from capture.errors import CameraStalled, InputError, UnreadableFrame
 from capture.frame import Bracket, Exposure, Frame
 from capture.sensor import Sensor
 from capture.v4l2.consistency import find_contradiction
-from capture.v4l2.controls import list_controls
+from capture.v4l2.controls import list_controls, read_controls
 from capture.v4l2.cycling import CameraCounters, Exposed, ExposureCycle
 from capture.v4l2.finding import find_camera
 from capture.v4l2.formats import PictureFormat, choose_format, choose_interval
@@ -95,7 +95,7 @@ class BracketCamera:
 
     Attributes
     ----------
-    name : str
+    name, driver : str
     picture : PictureFormat
         Pixel format and size, as the driver gave them.
     sensor : Sensor
@@ -123,7 +123,7 @@ class BracketCamera:
         self._exposure = exposure
         self._seen_dn = seen_dn
         self._brackets = 0
-        self.name = node.card
+        self.name, self.driver = node.card, node.driver
         self.picture = picture
         self.exposure_range_s = range_s
         self.exposure_step_s = exposure.unit_s * exposure.control.step
@@ -157,6 +157,10 @@ class BracketCamera:
             raise InputError(f"an exposure time must be above 0 s, got {time_s}")
         shortest_s, longest_s = self.exposure_range_s
         return self._exposure.nearest(min(max(time_s, shortest_s), longest_s))
+
+    def read_controls(self) -> dict[str, int]:
+        """Return the present values of all controls by name; the exposure's is the last one set."""
+        return read_controls(self._node)
 
     def capture(self, times_s: Sequence[float]) -> Bracket:
         """Return one bracket of the exposure times nearest to `times_s`, decoded.

@@ -5,11 +5,12 @@ Input  : VideoNode.    Output : Control by number, values as Python integers.
 
 import ctypes
 import errno
+from contextlib import suppress
 from dataclasses import dataclass
 
 from capture.errors import InputError
 from capture.v4l2 import kernel
-from capture.v4l2.node import VideoNode
+from capture.v4l2.node import VideoNode, printable
 
 _VALUED = frozenset(
     (kernel.INTEGER, kernel.BOOLEAN, kernel.MENU, kernel.INTEGER64, kernel.INTEGER_MENU)
@@ -50,7 +51,7 @@ def list_controls(node: VideoNode) -> dict[int, Control]:
         if query.type in _VALUED and not query.flags & kernel.CONTROL_DISABLED:
             controls[number] = Control(
                 number=number,
-                name=query.name.decode(errors="replace"),
+                name=printable(query.name),
                 kind=query.type,
                 minimum=query.minimum,
                 maximum=query.maximum,
@@ -88,6 +89,15 @@ def read_control(node: VideoNode, control: Control) -> int:
     except OSError as error:
         raise InputError(str(error.strerror)) from None
     return _number(control, value)
+
+
+def read_controls(node: VideoNode) -> dict[str, int]:
+    """Return the present values of a camera's controls by their names, of those it tells."""
+    values = {}
+    for control in list_controls(node).values():
+        with suppress(InputError):
+            values[control.name] = read_control(node, control)
+    return values
 
 
 def write_control(node: VideoNode, control: Control, value: int) -> int:

@@ -23,8 +23,8 @@ class VideoNode:
     Attributes
     ----------
     path : Path
-    card : str
-        What the device calls itself.
+    card, driver : str
+        What the device calls itself, and what runs it.
     fd : int
 
     Raises
@@ -49,7 +49,7 @@ class VideoNode:
                 raise CameraLost(f"{path}: the camera is gone ({error.strerror})") from None
             raise InputError(f"{path}: cannot be opened ({error.strerror})") from None
         try:
-            self.card = self._identify()
+            self.card, self.driver = self._identify()
         except BaseException:
             self.close()
             raise
@@ -99,7 +99,7 @@ class VideoNode:
     ) -> None:
         self.close()
 
-    def _identify(self) -> str:
+    def _identify(self) -> tuple[str, str]:
         answer = kernel.Capability()
         try:
             self.call(kernel.QUERY_CAPABILITY, answer, "ask what it is")
@@ -107,7 +107,7 @@ class VideoNode:
             raise InputError(f"{self.path}: not a video device") from None
         tells_own = answer.capabilities & kernel.HAS_DEVICE_CAPABILITIES
         abilities = answer.device_caps if tells_own else answer.capabilities
-        card = answer.card.decode(errors="replace")
+        card = printable(answer.card)
         if not abilities & kernel.CAN_CAPTURE:
             reason = (
                 "sends its planes in separate buffers, which is not supported"
@@ -117,4 +117,12 @@ class VideoNode:
             raise InputError(f"{self.path} ({card}): {reason}")
         if not abilities & kernel.CAN_STREAM:
             raise InputError(f"{self.path} ({card}): cannot stream into buffers")
-        return card
+        return card, printable(answer.driver)
+
+
+def printable(name: bytes) -> str:
+    """Return a name that a device gave, without what would steer a terminal or spoil a manifest."""
+    return "".join(
+        letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}"
+        for letter in name.decode(errors="replace")
+    )

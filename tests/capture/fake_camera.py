@@ -52,7 +52,7 @@ class FakePort:
 class FakeCamera:
     """What BracketCamera offers, in no time at all."""
 
-    name = "Fake fisheye"
+    name, driver = "Fake fisheye", "fake"
     exposure_range_s = (1e-4, 0.0333)
     exposure_step_s = 1e-4
     frame_interval_s = 1 / 30
@@ -65,6 +65,9 @@ class FakeCamera:
         self.is_open = True
         self.counters = CameraCounters()
         self._sequence = 0
+
+    def read_controls(self) -> dict[str, int]:
+        return {"White Balance, Automatic": 0, "Gain": 4}
 
     def nearest_exposure(self, time_s: float) -> float:
         shortest_s, longest_s = self.exposure_range_s

@@ -67,7 +67,8 @@ class SimulatedNode:
     rate_is_settable: bool = True
 
     def __post_init__(self) -> None:
-        self.path, self.card = Path("/dev/video7"), "Test camera"
+        self.path = Path("/dev/video7")
+        self.card, self.driver = "Test camera", "simulated"
         self.written: list[tuple[int, int]] = []
         self.controls = sorted(self.controls, key=lambda control: control.number)
 

@@ -17,6 +17,7 @@ from capture.inspecting import (
     examine,
     exposure_text,
 )
+from capture.manifest import DeviceRecord
 from capture.recording import open_recording
 from capture.recording_writer import create_recording
 from capture.sensor import Sensor, assumed_sensor
@@ -61,6 +62,24 @@ def test_the_facts_are_those_of_the_recording(tmp_path):
     assert told["frames"] == "8, all read, digests right"
     assert told["clipped"].startswith("50.000%")
     assert told["black"].startswith("37.500%")
+
+
+def test_a_live_camera_is_told_with_its_controls(tmp_path):
+    camera = DeviceRecord("/dev/video2", "MJPG", 1 / 30, "uvcvideo", {"Gain": 4, "Sharpness": 0})
+    with create_recording(tmp_path / "r", "Webcam", SRGB, device=camera) as writer:
+        writer.write_frame(np.zeros((4, 4, 3), np.uint8), Exposure(0.01), 0.0, 0)
+    told = facts(open_recording(tmp_path / "r"))
+    assert told["device"] == "/dev/video2, driver uvcvideo, MJPG, 30 frames a second"
+    assert told["controls"] == "Gain 4; Sharpness 0"
+
+
+def test_a_device_of_an_older_recording_has_no_driver_and_other_sources_no_device(tmp_path):
+    camera = DeviceRecord("0", "YUYV", 0.04)
+    with create_recording(tmp_path / "r", "Webcam", SRGB, device=camera) as writer:
+        writer.write_frame(np.zeros((4, 4, 3), np.uint8), Exposure(0.01), 0.0, 0)
+    told = facts(open_recording(tmp_path / "r"))
+    assert (told["device"], told["controls"]) == ("0, YUYV, 25 frames a second", "not told")
+    assert "device" not in facts(make(tmp_path / "made"))
 
 
 def test_gaps_in_time_are_counted(tmp_path):

@@ -80,6 +80,8 @@ def test_jpeg_is_stored_as_it_came_with_what_is_known_of_it(tmp_path, port):
         "path": "/dev/video7",
         "pixel_format": "MJPG",
         "frame_interval_s": 1 / 30,
+        "driver": "fake",
+        "controls": {"White Balance, Automatic": 0, "Gain": 4},
     }
     assert [entry["index"] for entry in manifest["frames"]] == list(range(8))
     assert [entry["bracket"] for entry in manifest["frames"]] == [0, 0, 1, 1, 2, 2, 3, 3]

@@ -35,6 +35,7 @@ def test_a_camera_is_opened_under_control_and_tells_what_it_is(
         assert camera.nearest_exposure(1.0) == pytest.approx(0.0333)
         assert camera.sensor.source == "assumed sRGB"
         assert rig.node.control(GAIN).value == 4
+        assert (camera.driver, camera.read_controls()["Gain"]) == ("simulated", 4)
         assert rig.mislabelled(camera, 20) == 0
     assert (rig.stream.closed, rig.node.closed) == (1, 1)
 

@@ -134,6 +134,18 @@ def test_requests_tell_what_can_be_done(
     opened.close()
 
 
+def test_a_name_that_would_steer_a_terminal_is_made_harmless(monkeypatch: Any) -> None:
+    """The name is the camera's own; a manifest that held it could not be read again."""
+
+    def answer(fd: int, request: int, argument: Any) -> None:
+        argument.card, argument.driver = b"Cam\x1b[2J\xff", b"uvcvideo"
+        argument.capabilities = kernel.CAN_CAPTURE | kernel.CAN_STREAM
+
+    monkeypatch.setattr(fcntl, "ioctl", answer)
+    with VideoNode(Path("/dev/null")) as opened:
+        assert (opened.card, opened.driver) == ("Cam\ufffd[2J\ufffd", "uvcvideo")
+
+
 def test_a_node_of_another_kind_is_told_apart(monkeypatch: Any) -> None:
     """A USB camera has a second node, for metadata; the device as a whole captures."""
     abilities = kernel.HAS_DEVICE_CAPABILITIES | kernel.CAN_CAPTURE | kernel.CAN_STREAM
