@@ -13,6 +13,7 @@ from capture.output import refuse_existing
 from capture.radiance_files import read_radiance
 from lighting.blocks.fill import Fill, fill_unseen
 from lighting.maps.combine import View, align_views, combine_views
+from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import write_environment
 from lighting.remap_cli import check_map_height
 
@@ -25,6 +26,7 @@ def combine(
     height: WholeNumber = 512,
     hide_deg: float = 0.0,
     fill: Fill = "black",
+    confidence: Path | None = None,
     force: Annotated[bool, Parameter(negative=())] = False,
 ) -> None:
     """Combine pictures of one place, such as two of a mirror ball 90° apart, to one map.
@@ -48,10 +50,15 @@ def combine(
         not used.
     fill
         What unseen directions hold: black, mean (of the seen) or mirror (at the horizon).
+    confidence
+        A second map, EXR: how well each direction was seen, from 0 in the blind cone of a ball,
+        where nothing was, over its stretched rim to 1, where pixels were no wider than cells.
     force
         Replace the output if it exists.
     """
     refuse_existing(output, force=force)
+    if confidence is not None:
+        refuse_existing(confidence, force=force)
     check_map_height(height)
     if len(calibration) not in (1, len(radiance)):
         raise InputError(
@@ -77,10 +84,16 @@ def combine(
             f"  {path}: turned by {np.degrees(np.arccos(np.clip(cosine, -1, 1))):.2f}° to fit "
             f"{radiance[0]}, correlation {turn.correlation:.3f}"
         )
-    environment = combine_views(views, height, hidden_rad)
+    environment, seen_share = combine_views(views, height, hidden_rad)
     if not environment.valid.any():
         raise InputError("no picture sees anything; check the calibrations and --hide-deg")
     write_environment(output, fill_unseen(environment, fill), force=force)
+    if confidence is not None:
+        shares = np.repeat(seen_share.astype(np.float32)[..., None], 3, axis=-1)
+        nothing = np.zeros_like(environment.valid)
+        write_environment(
+            confidence, EnvironmentMap(shares, environment.valid, nothing), force=force
+        )
     print(
         f"{output}: {2 * height}×{height} of {len(views)} pictures, "
         f"{environment.seen_share:.1%} of all directions seen"

@@ -18,7 +18,7 @@ from calibration.camera import Calibration
 from calibration.sharpness import pixels_per_rad
 from capture.errors import InputError
 from capture.radiance import RadianceImage
-from lighting.maps.environment import EnvironmentMap
+from lighting.maps.environment import EnvironmentMap, luminance
 from lighting.maps.remap import remap_image
 from lighting.maps.spherical_registration import Turn, register_turn
 from lighting.sphere.latlong import cell_directions
@@ -32,7 +32,7 @@ _SHARPNESS_POWER = 4
 so that what does not fit together is not blurred."""
 _HIDDEN_FADE = 1.5
 _NEGLIGIBLE = 0.01
-"""Share of the weight below which a picture does not pass on its mark `clipped`."""
+"""Of the weight of what was measured: that of a lower bound below which it contradicts nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ def align_views(views: Sequence[View], hidden_rad: float = 0.0) -> tuple[list[Vi
     """
     maps = [remap_image(view.calibration, view.image, _REGISTRATION_HEIGHT) for view in views]
     trusts = [
-        trust(view.calibration, environment, hidden_rad)
+        trust(view.calibration, environment, hidden_rad)[0]
         for view, environment in zip(views, maps, strict=True)
     ]
     aligned, turns = [views[0]], []
@@ -72,11 +72,18 @@ def align_views(views: Sequence[View], hidden_rad: float = 0.0) -> tuple[list[Vi
     return aligned, turns
 
 
-def combine_views(views: Sequence[View], height: int, hidden_rad: float = 0.0) -> EnvironmentMap:
-    """Return the map of `height` rows of pictures whose poses fit together.
+def combine_views(
+    views: Sequence[View], height: int, hidden_rad: float = 0.0
+) -> tuple[EnvironmentMap, Array]:
+    """Return the map of `height` rows of pictures whose poses fit together, and its confidence.
 
-    A cell is the mean of what the pictures show there, weighted by how finely each sees it; it is
-    clipped if one is that contributed 1 % or more, and valid if any saw it.
+    A cell is the mean of what the pictures show there, weighted by how finely each sees it. Clipped
+    pictures count where none is not, or what the others show is less than these show at least: so
+    pictures of different exposures, cropped so that they cannot be merged, can be combined. There
+    the cell is clipped. It is valid if any picture saw it.
+
+    The confidence (N, 2N) of a cell is how many pixels wide it was in the picture, the way it was
+    narrowest, 1 at most: less on the stretched rim of a mirror ball, 0 in its blind cone.
 
     Parameters
     ----------
@@ -90,24 +97,34 @@ def combine_views(views: Sequence[View], height: int, hidden_rad: float = 0.0) -
     scales = {view.image.scale for view in views}
     if len(scales) > 1:
         raise InputError(f"the pictures are in different units: {', '.join(sorted(scales))}")
-    total = np.zeros((height, 2 * height))
-    light = np.zeros((height, 2 * height, 3))
-    marked = np.zeros((height, 2 * height))
+    # Of what is measured, and of lower bounds: weight, its sum with the light, and with the detail.
+    sums = np.zeros((2, height, 2 * height, 5))
     for view in views:
         environment = remap_image(view.calibration, view.image, height)
-        weight = trust(view.calibration, environment, hidden_rad)
-        total += weight
-        light += weight[..., None] * environment.radiance
-        marked += weight * environment.clipped
-    valid = total > 0
-    radiance = np.zeros_like(light)
-    np.divide(light, total[..., None], out=radiance, where=valid[..., None])
-    clipped = valid & (marked >= _NEGLIGIBLE * total)
-    return EnvironmentMap(radiance.astype(np.float32), valid, clipped & (marked > 0), scales.pop())
+        weight, sharpness = trust(view.calibration, environment, hidden_rad)
+        detail = np.minimum(sharpness * np.pi / height, 1.0)
+        shown = np.concatenate(
+            [np.ones_like(weight)[..., None], environment.radiance, detail[..., None]], axis=-1
+        )
+        for total, counts in zip(sums, (~environment.clipped, environment.clipped), strict=True):
+            total += (weight * counts)[..., None] * shown
+    weights = sums[..., :1]
+    means = np.divide(sums[..., 1:], weights, out=np.zeros_like(sums[..., 1:]), where=weights > 0)
+    measured, bound = luminance(means[..., :3])
+    valid = weights.sum(axis=0)[..., 0] > 0
+    clipped = (bound > measured) & (weights[1] >= _NEGLIGIBLE * weights[0])[..., 0]
+    chosen = np.where(clipped[..., None], means[1], means[0])
+    combined = EnvironmentMap(chosen[..., :3].astype(np.float32), valid, clipped, scales.pop())
+    return combined, chosen[..., 3]
 
 
-def trust(calibration: Calibration, environment: EnvironmentMap, hidden_rad: float) -> Array:
-    """Return the weight (N, 2N) of a picture in each cell of its map; 0 where it has none."""
+def trust(
+    calibration: Calibration, environment: EnvironmentMap, hidden_rad: float
+) -> tuple[Array, Array]:
+    """Return the weight (N, 2N) of a picture in each cell of its map, and pixels per radian there.
+
+    The weight is 0 where the picture shows nothing, or is not to be used.
+    """
     world = cell_directions(environment.height)
     sharpness = pixels_per_rad(calibration.model, world @ calibration.R_world_camera)
     angle = calibration.axis_angle(world)
@@ -116,4 +133,5 @@ def trust(calibration: Calibration, environment: EnvironmentMap, hidden_rad: flo
     else:
         shown = np.ones_like(angle)
     weight = shown * (sharpness / max(float(sharpness.max()), 1e-12)) ** _SHARPNESS_POWER
-    return np.where(environment.valid & (angle <= calibration.valid_angle_rad), weight, 0.0)
+    usable = environment.valid & (angle <= calibration.valid_angle_rad)
+    return np.where(usable, weight, 0.0), sharpness

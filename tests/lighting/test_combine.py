@@ -1,5 +1,6 @@
 """Two pictures of a mirror ball become one map without a camera and without a blind spot."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +59,7 @@ def test_the_turn_is_found_without_knowing_the_yaw() -> None:
 
 def test_neither_camera_nor_blind_spot_remains() -> None:
     views = [View(each, camera(stood)) for each, stood in zip(PICTURES, TRUE, strict=True)]
-    both = combine_views(views, HEIGHT, 1.3 * OPERATOR)
+    both, confidence = combine_views(views, HEIGHT, 1.3 * OPERATOR)
     assert both.valid.all()
     truth = room(cell_directions(HEIGHT) * FLIP)
     assert np.median(np.abs(both.radiance / truth - 1)) < 0.03
@@ -66,11 +67,18 @@ def test_neither_camera_nor_blind_spot_remains() -> None:
     green = both.radiance[..., 1] > 3 * both.radiance[..., 0]
     assert not green.any()
     # One picture alone has both: the weakness is there.
-    alone = combine_views(views[:1], HEIGHT)
+    alone, confidence_alone = combine_views(views[:1], HEIGHT)
     assert not alone.valid.all()
     assert (alone.radiance[..., 1] > 3 * alone.radiance[..., 0]).any()
-    hidden = combine_views(views[:1], HEIGHT, 1.3 * OPERATOR)
+    hidden, _ = combine_views(views[:1], HEIGHT, 1.3 * OPERATOR)
     assert hidden.seen_share < alone.seen_share
+    # The blind cone has no confidence, and the rim around it little; the other picture has both.
+    behind = cell_directions(HEIGHT) @ TRUE[0][:, 2]
+    assert confidence_alone[behind > np.cos(np.radians(10))].max() == 0
+    rim = (behind > np.cos(np.radians(25))) & alone.valid
+    assert 0 < confidence_alone[rim].min() < 0.5 < confidence_alone[rim].max() < 0.7
+    assert confidence_alone[behind < 0].min() == 1
+    assert confidence[behind > 0.9].min() > 0.8
 
 
 def test_equal_light_stays_equal_and_marks_travel() -> None:
@@ -78,10 +86,31 @@ def test_equal_light_stays_equal_and_marks_travel() -> None:
     ones = np.full((240, 240, 3), 2.0)
     even = RadianceImage(ones, np.zeros_like(ones), plane, ~plane)
     full = RadianceImage(ones, np.zeros_like(ones), plane, plane)
-    result = combine_views([View(even, camera(TRUE[0])), View(full, camera(TRUE[1]))], HEIGHT)
+    result, _ = combine_views([View(even, camera(TRUE[0])), View(full, camera(TRUE[1]))], HEIGHT)
     np.testing.assert_allclose(result.radiance, 2.0, rtol=1e-5)
-    assert result.clipped.any()
-    assert not result.clipped.all()
+    # Clipped is what the first did not see; elsewhere both agree.
+    behind = cell_directions(HEIGHT) @ TRUE[0][:, 2]
+    assert result.clipped[behind > np.cos(np.radians(10))].all()
+    assert not result.clipped[behind < np.cos(np.radians(30))].any()
+
+
+def test_where_one_exposure_clips_the_other_counts() -> None:
+    plane = np.ones((240, 240), bool)
+    radiance = np.full((240, 240, 3), 8.0)
+    short = RadianceImage(radiance, np.zeros_like(radiance), plane, ~plane)
+    bound = np.full_like(radiance, 3.0)
+    long = RadianceImage(bound, np.zeros_like(bound), plane, plane)
+    views = [View(long, camera(TRUE[0])), View(short, camera(TRUE[0]))]
+    result, _ = combine_views(views, HEIGHT)
+    np.testing.assert_allclose(result.radiance[result.valid], 8.0, rtol=1e-5)
+    assert not result.clipped.any()
+    # Unless it is below what is there at least: a picture that was altered after clipping.
+    views[0] = View(
+        replace(long, radiance=np.float32(2) * radiance.astype(np.float32)), camera(TRUE[0])
+    )
+    result, _ = combine_views(views, HEIGHT)
+    np.testing.assert_allclose(result.radiance[result.valid], 16.0, rtol=1e-5)
+    assert result.clipped[result.valid].all()
 
 
 def test_pictures_of_two_places_are_refused() -> None:
@@ -100,11 +129,20 @@ def test_the_command_makes_a_map(tmp_path: Path, capsys: pytest.CaptureFixture[s
         write_radiance(radiance[index], PICTURES[index])
         write_calibration(calibrations[index], camera(TRUE[index]))
     output = tmp_path / "map.exr"
-    combine(radiance, calibration=calibrations, output=output, height=32, hide_deg=10.0)
+    shares = tmp_path / "confidence.exr"
+    combine(
+        radiance,
+        calibration=calibrations,
+        output=output,
+        height=32,
+        hide_deg=10.0,
+        confidence=shares,
+    )
     told = capsys.readouterr().out
     assert "turned by 0.0" in told  # their poses were right
     assert "100.0% of all directions" in told
     assert read_environment(output)[0].height == 32
+    assert 0.5 < read_environment(shares)[0].radiance.min() <= 1
     with pytest.raises(InputError, match="2 pictures and 3 calibrations"):
         combine(radiance, calibration=[calibrations[0]] * 3, output=tmp_path / "c.exr")
     with pytest.raises(InputError, match="--hide-deg"):
