@@ -30,10 +30,12 @@ def refuse_existing(path: Path, *, force: bool) -> None:
 
 
 def check_place(path: Path, *, force: bool) -> None:
-    """Raise InputError as `refuse_existing`, or if there is no folder for `path` to be in."""
+    """Raise InputError as `refuse_existing`, or if nothing can be written beside `path`."""
     refuse_existing(path, force=force)
     if not path.parent.is_dir():
         raise InputError(f"{path.parent} is not a folder; {path.name} cannot be written there")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise InputError(f"{path}: cannot be written (no permission, or a read-only disk)")
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from calibration.files import read_calibration
 from capture.arguments import Output, WholeNumber
 from capture.errors import InputError
-from capture.output import refuse_existing
+from capture.output import check_place
 from capture.radiance_files import read_radiance
 from lighting.blocks.fill import Fill, fill_unseen
 from lighting.maps.combine import View, align_views, combine_views
@@ -56,9 +56,9 @@ def combine(
     force
         Replace the output if it exists.
     """
-    refuse_existing(output, force=force)
+    check_place(output, force=force)
     if confidence is not None:
-        refuse_existing(confidence, force=force)
+        check_place(confidence, force=force)
     check_map_height(height)
     if len(calibration) not in (1, len(radiance)):
         raise InputError(

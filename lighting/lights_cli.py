@@ -5,6 +5,7 @@ from pathlib import Path
 from calibration.files import read_calibration
 from capture.arguments import Output
 from capture.errors import InputError
+from capture.output import check_place
 from capture.radiance import Cleaned
 from capture.radiance_files import read_radiance
 from lighting.blocks.fill import Fill
@@ -46,6 +47,7 @@ def lights(
     force
         Replace the output if it exists.
     """
+    check_place(output, force=force)  # refused before the work, not after
     most, error = most_lights(count, error, method)
     if calibration is None:
         if fill != "black":

@@ -7,6 +7,7 @@ import numpy as np
 
 from capture.arguments import Output, WholeNumber, parse_exposures
 from capture.errors import InputError
+from capture.recording_writer import replaces_recording
 from lighting.maps.environment_files import read_environment
 from lighting.simulation.scenario import scenario
 from lighting.simulation.simulate import FrameFormat, simulate_recording
@@ -62,6 +63,7 @@ def simulate(
         raise InputError("nothing to stand in: name an environment map, .exr or .hdr")
     if seed < 0:
         raise InputError(f"--seed must not be negative, got {seed}")
+    replaces_recording(output, force=force)  # refused before the work, not after
     environments = []
     for path in maps:
         environment, cleaned = read_environment(path)

@@ -8,7 +8,7 @@ from calibration.report.figures import diagrams
 from calibration.report.page import page
 from calibration.report.theme import png
 from capture.errors import InputError
-from capture.output import refuse_existing, replacing, write_text
+from capture.output import check_place, refuse_existing, replacing, write_text
 
 _PAGE_SUFFIXES = (".html", ".htm")
 
@@ -20,8 +20,11 @@ def refuse_report(output: Path, *, force: bool) -> None:
     if output.suffix.lower() not in _PAGE_SUFFIXES:
         if output.exists() and not output.is_dir():
             raise InputError(f"{output} is not a folder; name a folder or a page, {_PAGE_NAME}")
-        output = output / _PAGE_NAME
-    refuse_existing(output, force=force)
+        if not output.resolve().parent.is_dir():
+            raise InputError(f"{output.parent} is not a folder; {output.name} cannot be made there")
+        refuse_existing(output / _PAGE_NAME, force=force)
+    else:
+        check_place(output, force=force)
 
 
 def write_report(

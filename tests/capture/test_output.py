@@ -11,7 +11,7 @@ import pytest
 
 from capture.errors import InputError
 from capture.exr import write_exr
-from capture.output import refuse_existing, replacing, write_text
+from capture.output import check_place, refuse_existing, replacing, write_text
 from capture.pictures import write_png
 
 
@@ -78,3 +78,12 @@ def test_a_full_disk_is_told_and_leaves_nothing(tmp_path: Path, write) -> None:
 def test_trouble_with_another_file_keeps_its_name(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="missing"), replacing(tmp_path / "a.txt"):
         (tmp_path / "missing").read_bytes()
+
+
+def test_a_folder_that_may_not_be_written_to_is_told_beforehand(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The superuser, who runs some tests, may write everywhere: the system's answer is replaced."""
+    monkeypatch.setattr(os, "access", lambda _path, mode: not mode & os.W_OK)
+    with pytest.raises(InputError, match=r"a\.exr: cannot be written \(no permission"):
+        check_place(tmp_path / "a.exr", force=False)
