@@ -5,27 +5,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cyclopts import App
 
 from calibration.camera import LEVEL, UP, Calibration
-from calibration.cli import COMMANDS
 from calibration.files import read_calibration, write_calibration
 from calibration.models.equisolid import Equisolid
 from calibration.models.kannala_brandt import KannalaBrandt
 from capture.errors import InputError
+from tests.capture import command_line
 
 CAMERA = "1 OPENCV_FISHEYE 640 480 300.0 301.0 320.0 240.0 0.01 0.0 0.0 0.0\n"
 
 
 def run(*tokens: Any) -> None:
-    app = App()
-    for command, name in COMMANDS:
-        app.command(command, name=name)
-    app(
-        ["calibrate", *(str(token) for token in tokens)],
-        exit_on_error=False,
-        result_action="return_value",
-    )
+    command_line.run("calibrate", *tokens)
 
 
 @pytest.fixture

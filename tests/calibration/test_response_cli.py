@@ -5,25 +5,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cyclopts import App
 
-from calibration.cli import COMMANDS
 from capture.errors import InputError
 from capture.recording import open_recording
 from capture.recording_writer import create_recording
 from capture.sensor import assumed_sensor
 from tests.calibration.response_scenes import bracket
+from tests.capture import command_line
 
 
 def run(*tokens: Any) -> None:
-    app = App()
-    for command, name in COMMANDS:
-        app.command(command, name=name)
-    app(
-        ["calibrate", "response", *(str(token) for token in tokens)],
-        exit_on_error=False,
-        result_action="return_value",
-    )
+    command_line.run("calibrate", "response", *tokens)
 
 
 @pytest.fixture
