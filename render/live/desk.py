@@ -105,6 +105,8 @@ class Desk:
     notice : Notice or None
     is_watched : bool
         Whether somebody looks at pictures: the server says so.
+    is_recording : bool
+        Whether brackets are being recorded.
     on_change : callable
         Called, from whatever thread, when something was changed or asked for.
     """
@@ -116,6 +118,7 @@ class Desk:
         self.newest: LiveFrame | None = None
         self.notice: Notice | None = None
         self.is_watched = False
+        self.is_recording = False
         self._requests: list[Request] = []
         self.on_change: Callable[[], None] = lambda: None
         self._listeners: list[Callable[[], None]] = []

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.light_set import LightSet
+from lighting.reduce import METHODS
 from render.live.desk import Desk, LiveFrame, Notice
 from render.live.models import MATERIALS
 from render.preview import marked
@@ -38,6 +39,8 @@ def encode_frame(frame: LiveFrame, desk: Desk) -> bytes:
         "view_ev": None if seen is None else round(seen.view_ev, 2),
         "is_draft": seen is not None and seen.is_draft,
         "settings": msgspec.to_builtins(desk.settings),
+        "is_recording": desk.is_recording,
+        "methods": tuple(METHODS),
         "models": desk.models.names,
         "materials": tuple(MATERIALS),
         "notice": _notice(desk.notice),

@@ -79,11 +79,6 @@ class Results:
         self._thread.submit(self._close)
         self._thread.shutdown()
 
-    @property
-    def is_recording(self) -> bool:
-        """Whether brackets are being recorded."""
-        return self._recording is not None
-
     def look_at(self, bracket: Bracket, seen: Seen) -> None:
         """Do what was asked for, with this bracket; it must not change any more."""
         for request in self._desk.requests():
@@ -143,10 +138,12 @@ class Results:
         )
         self._written = self._left_out = 0
         self._recording = _Recording(opened, writer, folder)
+        self._desk.is_recording = True
         return f"Recording to {folder}"
 
     def _end_recording(self, recording: _Recording) -> str:
         self._recording = None
+        self._desk.is_recording = False
         recording.opened.close()
         left_out = f", {self._left_out} left out by a slow disk" if self._left_out else ""
         return f"Recorded {recording.folder}: {self._written} brackets{left_out}"

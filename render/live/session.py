@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from calibration.camera import Calibration
 from capture.errors import UnreadableFrame
 from capture.frame import Bracket
+from capture.live_source import LiveSource
 from capture.merge import merge_bracket
 from capture.picture_memory import PictureMemory
 from capture.radiance import RadianceImage
@@ -236,6 +237,8 @@ class LiveSession:
             "latency_ms": round(1e3 * age_s, 1),
             "source": self._source.name,
             "size_px": self._source.size_px,
+            "is_camera": isinstance(self._source, LiveSource),
+            "reopened": self._source.reopened_count,
             "gl": self._picture.gl if self._picture else None,
         }
 

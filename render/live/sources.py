@@ -17,6 +17,7 @@ from capture.recording import Recording, open_recording
 from capture.v4l2.camera import CameraRequest
 
 _FALLBACK_INTERVAL_S = 1 / 25  # between brackets whose timestamps do not tell
+_LATE_S = 0.05
 
 
 class PacedRecording:
@@ -31,7 +32,11 @@ class PacedRecording:
     size_px : (int, int)
     sensor : Sensor
     calibration_path : Path or None
+    reopened_count : int
+        0: a recording is always there.
     """
+
+    reopened_count = 0
 
     def __init__(
         self, recording: Recording, *, once: bool = False, rate_hz: float | None = None
@@ -70,6 +75,9 @@ class PacedRecording:
                     self._woken.clear()
                     if last is not None:
                         yield last
+                late_s = time.monotonic() - due_s
+                if late_s > _LATE_S:  # decoding is slower than the recording: it then plays slower
+                    begin_s, due_s = begin_s + late_s, due_s + late_s
                 try:
                     read = self._recording.read_bracket(position)
                 except UnreadableFrame as error:
