@@ -120,6 +120,19 @@ def test_repeats_that_agree_are_let_in(tmp_path):
     assert len(bracket.frames) == 3
 
 
+def test_repeats_from_the_hand_are_let_in_and_other_light_is_not(tmp_path):
+    """Compared place by place, what has moved would differ by more than a third of a stop does."""
+    tiles = np.random.default_rng(3).uniform(10, 200, (20, 30, 3)).repeat(10, 0).repeat(10, 1)
+    still, moved = tiles[:180, :280], tiles[6:186, 8:288]
+    for name, picture in (("a", still), ("b", moved), ("c", 0.895 * moved)):
+        picture = picture.astype(np.uint8)
+        write_photograph(tmp_path / f"{name}.jpg", 0.1, picture=picture)
+    bracket, _, _ = read_photo_bracket([tmp_path / "a.jpg", tmp_path / "b.jpg"], [0.1, 0.1])
+    assert len(bracket.frames) == 2
+    with pytest.raises(InputError, match=r"a\.jpg and c\.jpg have the same exposure .* by 1[0-3]%"):
+        read_photo_bracket([tmp_path / "a.jpg", tmp_path / "c.jpg"], [0.1, 0.1])
+
+
 def test_given_exposures_are_believed_against_the_pixels(tmp_path):
     paths = write_bracket(tmp_path / "photos")
     bracket, _, notes = read_photo_bracket(paths, [0.025, 0.1, 0.4])
