@@ -55,6 +55,7 @@ class LiveSource:
         open_camera: Open = open_camera,
     ) -> None:
         """Open the camera; parameters are those of ReopeningCamera and ExposureChooser."""
+        self._mains_hz = mains_hz
         self._stopped = threading.Event()
         self._camera = ReopeningCamera(request, self._stopped, open_camera)
         first = self._camera.first
@@ -88,6 +89,16 @@ class LiveSource:
     def stop(self) -> None:
         """End the iteration, or the next one if there is none; from any thread."""
         self._stopped.set()
+
+    def choose_exposures(self, exposures_s: Sequence[float] | None) -> None:
+        """Take other exposures from the next bracket on, or choose them if None; from any thread.
+
+        Raises
+        ------
+        InputError
+            If the camera cannot do them; those before are kept.
+        """
+        self._chooser = ExposureChooser(self._camera.first, exposures_s, self._mains_hz)
 
     def __iter__(self) -> Iterator[Bracket | UnreadableFrame]:
         while not self._stopped.is_set():

@@ -61,6 +61,19 @@ def test_exposures_that_are_asked_for_are_kept(port):
         assert [frame.exposure.time_s for frame in bracket.frames] == [0.02, 0.001]
 
 
+def test_exposures_can_be_changed_on_the_way(port):
+    with live(port, exposures_s=(0.02,)) as source:
+        taken(source, 2)
+        source.choose_exposures((0.01, 0.002))
+        with pytest.raises(InputError, match="cannot expose"):
+            source.choose_exposures((1.0,))
+        (bracket,), _ = taken(source, 1)
+        assert [frame.exposure.time_s for frame in bracket.frames] == [0.01, 0.002]
+        source.choose_exposures(None)
+        brackets, _ = taken(source, 3)
+    assert brackets[-1].by_signal()[0].counts.max() < 250
+
+
 @pytest.mark.parametrize(
     ("exposures_s", "message"),
     [((1.0,), r"cannot expose for 1 s, the nearest is 0\.0333"), ((0.001, 0.00102), "twice")],
