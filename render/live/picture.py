@@ -4,8 +4,8 @@ When scene or viewpoint change, shadow maps draw a draft in the next frame, and 
 for the new view on a thread of its own; once it is there, pictures come from it.
 
 Input  : settings and LightSets.    Output : linear radiance and alpha.
-Cost   : a draft takes as long as `Renderer` does, at a quarter of the pixels where the processor
-         draws; tracing takes seconds, during which the loop has to share its cores.
+Cost   : a draft takes as long as `Renderer` does, at a quarter of the pixels and with few lights
+         where the processor draws; tracing takes seconds, and the loop has to share its cores.
 Fails  : where numba's threads cannot be entered from two threads (its workqueue layer), tracing
          stops the loop while it lasts.
 """
@@ -13,6 +13,7 @@ Fails  : where numba's threads cannot be entered from two threads (its workqueue
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
+from dataclasses import replace
 from types import TracebackType
 from typing import Self
 
@@ -32,6 +33,7 @@ from render.scene import Camera, Scene
 RESTING_S = 0.7
 """A view that was not changed for so long is worth tracing."""
 
+_DRAFT_LIGHTS = 16
 _SAFE_LAYERS = ("tbb", "omp")
 
 
@@ -54,8 +56,9 @@ class LivePicture:
         self._open.callback(self._close)
         self._models = models
         self._size_px = size_px
-        halved = is_software(self._context)
-        self._draft_px = (size_px[0] // 2, size_px[1] // 2) if halved else size_px
+        self._is_slow = is_software(self._context)
+        half_px = (max(size_px[0] // 2, 1), max(size_px[1] // 2, 1))
+        self._draft_px = half_px if self._is_slow else size_px
         self._view: tuple[object, ...] | None = None
         self._changed_s = 0.0
         self._draft: Renderer | None = None
@@ -93,6 +96,8 @@ class LivePicture:
             scene, camera = self._models.view(settings, self._draft_px)
             self._draft = Renderer(self._context, scene, camera)
         self.is_draft = True
+        if self._is_slow:
+            lights = _strongest(lights)
         return self._draft.render(lights, background)
 
     def _trace(self, settings: Settings, view: tuple[object, ...]) -> None:
@@ -127,6 +132,21 @@ class LivePicture:
         if self._tracing is not None and not self._tracing[1].cancelled():
             self._tracing[1].result().release()
         self._release()
+
+
+def _strongest(lights: LightSet) -> LightSet:
+    """Return the strongest few lights, made as strong together as all were."""
+    power = lights.irradiance.sum(axis=1)
+    kept = np.argsort(-power, kind="stable")[:_DRAFT_LIGHTS]
+    total, left = lights.irradiance.sum(axis=0), lights.irradiance[kept].sum(axis=0)
+    scale = np.divide(total, left, out=np.ones(3), where=left > 0)
+    return replace(
+        lights,
+        directions=lights.directions[kept],
+        irradiance=lights.irradiance[kept] * scale,
+        angular_radius_rad=lights.angular_radius_rad[kept],
+        is_key=lights.is_key[kept],
+    )
 
 
 def _view_of(settings: Settings) -> tuple[object, ...]:

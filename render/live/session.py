@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import Calibration
-from capture.errors import UnreadableFrame
+from capture.errors import InputError, UnreadableFrame
 from capture.frame import Bracket
 from capture.live_source import LiveSource
 from capture.merge import merge_bracket
@@ -105,6 +105,7 @@ class LiveSession:
         self._published_s: deque[float] = deque(maxlen=_FRAMES)
         self._clock = StageClock(deque(maxlen=_FRAMES))
         self._counters = Counters()
+        self._exposures_s = desk.settings.exposures_s
         self._is_seen_px = _seen_pixels(calibration)
 
     def run(self) -> Counters:
@@ -132,6 +133,7 @@ class LiveSession:
     def _process(self, bracket: Bracket, clock: StageClock, counters: Counters) -> None:
         self._counters = counters
         settings = self._desk.settings
+        self._expose(settings.exposures_s)
         held = self._held if settings.is_frozen else None
         if held is None:
             with clock.stage("merge"):
@@ -166,6 +168,17 @@ class LiveSession:
         self._published_s.append(time.monotonic())
         self.publish(_state(lights, camera))
         self._work(bracket, self._seen)
+
+    def _expose(self, exposures_s: tuple[float, ...] | None) -> None:
+        """Have a camera expose as is asked for; what it cannot do is told, and not tried again."""
+        if exposures_s == self._exposures_s:
+            return
+        self._exposures_s = exposures_s
+        if isinstance(self._source, LiveSource):
+            try:
+                self._source.choose_exposures(exposures_s)
+            except InputError as error:
+                self._desk.answer(str(error), is_error=True)
 
     def _plan(self, settings: Settings) -> LightPlan:
         """Return what lights are wanted; other settings than before begin without memory."""
