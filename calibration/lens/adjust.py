@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
 from calibration.lens.corners import WARP_DEGREES, Corners
-from calibration.lens.poses import Poses
+from calibration.lens.poses import Poses, rotations_about
 from calibration.models.parameters import parameters, with_parameters
 from capture.errors import InputError
 
@@ -278,7 +278,7 @@ def _stepped(
     warp = solution.warp_m.copy()
     warp[free.warp] += step[free.lens_count : free.count - free.pupil]
     poses = Poses(
-        _rotations(own_step[:, :3]) @ solution.poses.R_camera_board,
+        rotations_about(own_step[:, :3]) @ solution.poses.R_camera_board,
         solution.poses.t_camera_board_m + own_step[:, 3:],
     )
     pupil = solution.pupil_m + (float(step[-1]) if free.pupil else 0.0)
@@ -300,14 +300,3 @@ def _marginal(equations: _Equations) -> tuple[Array, Array]:
     information = equations.shared - eliminated @ np.swapaxes(equations.mixed, 1, 2)
     pull = equations.shared_slope - (eliminated @ equations.own_slope[..., None])[..., 0]
     return np.asarray(information), np.asarray(pull)
-
-
-def _rotations(turns_rad: Array) -> Array:
-    """Return the rotations (V, 3, 3) about the vectors (V, 3) by their lengths (Rodrigues)."""
-    angle = np.linalg.norm(turns_rad, axis=-1)
-    axis = turns_rad / np.maximum(angle, 1e-300)[:, None]
-    x, y, z = axis.T
-    zero = np.zeros_like(x)
-    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(-1, 3, 3)
-    sine, versine = np.sin(angle)[:, None, None], (1.0 - np.cos(angle))[:, None, None]
-    return np.asarray(np.eye(3) + sine * cross + versine * cross @ cross)

@@ -72,6 +72,17 @@ def poses_from_directions(
     return poses, _miss_rad(corners, poses, seen, valid)
 
 
+def rotations_about(turns_rad: Array) -> Array:
+    """Return the rotations (V, 3, 3) about the vectors (V, 3) by their lengths (Rodrigues)."""
+    angle = np.linalg.norm(turns_rad, axis=-1)
+    axis = turns_rad / np.maximum(angle, 1e-300)[:, None]
+    x, y, z = axis.T
+    zero = np.zeros_like(x)
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(-1, 3, 3)
+    sine, versine = np.sin(angle)[:, None, None], (1.0 - np.cos(angle))[:, None, None]
+    return np.asarray(np.eye(3) + sine * cross + versine * cross @ cross)
+
+
 def _miss_rad(corners: Corners, poses: Poses, directions: Array, valid: NDArray[np.bool_]) -> Array:
     R, t = poses.of_corners(corners)
     towards = np.einsum("nij,nj->ni", R, corners.points_m) + t

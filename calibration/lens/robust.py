@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.lens.adjust import Adjusted, Free, Solution, adjust, residuals_px, typical_px
+from calibration.lens.adjust import Free, Solution, adjust, residuals_px, typical_px
 from calibration.lens.corners import Corners
+from calibration.lens.covariance import covariance_of
 
 Array = NDArray[np.float64]
 
@@ -45,8 +46,7 @@ class Fit:
         Standard deviation of a coordinate of the kept corners, of median sigma if they differ, by
         the degrees of freedom.
     covariance : (G, G) float64
-        Of the free lens parameters, then of the warp, then of the pupil: that of normal errors of
-        the corners, raised where whole views disagree by more than that explains.
+        Of the free lens parameters, then of the warp, then of the pupil; see covariance.py.
     """
 
     solution: Solution
@@ -78,33 +78,13 @@ def fit_robustly(corners: Corners, start: Solution, free: Free) -> Fit:
     unknowns = free.count + 6 * len(np.unique(corners.view_of[kept]))
     spare = max(2 * int(kept.sum()) - unknowns, 1)
     variance = float(np.sum(np.sum(residuals[kept] ** 2, axis=-1) * inverse**2)) / spare
-    covariance = variance * np.linalg.pinv(adjusted.information.sum(axis=0), hermitian=True)
-    disagreement = _disagreement(adjusted, variance, free.lens_count)
     return Fit(
         adjusted.solution,
         residuals,
         kept,
         float(np.sqrt(variance)),
-        np.asarray(max(disagreement, 1.0) * covariance),
+        covariance_of(adjusted, variance, free.lens_count),
     )
-
-
-def _disagreement(adjusted: Adjusted, variance: float, lens_count: int) -> float:
-    """Return the variance between views over what independent corners of that variance explain.
-
-    Errors that a view's corners share, as of a bent board, pull the lens further than as many
-    errors of their own. The sum of squares of the pulls is compared with what is expected of it,
-    which takes into account that every view has part in the lens that it is compared with.
-    """
-    if lens_count == 0:
-        return 1.0
-    whole = np.linalg.pinv(adjusted.information.sum(axis=0), hermitian=True)[:lens_count]
-    metric = np.linalg.pinv(whole[:, :lens_count], hermitian=True)
-    change = adjusted.pull @ whole.T
-    own = whole @ adjusted.information @ whole.T
-    expected = own - own @ metric @ own
-    found = np.einsum("vi,ij,vj->", change, metric, change)
-    return float(found / (variance * np.einsum("ij,vji->", metric, expected)))
 
 
 def relative_inverse_sigma(corners: Corners) -> Array:
