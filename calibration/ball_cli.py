@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from capture.arguments import Output
 from capture.errors import InputError
-from capture.output import refuse_existing
+from capture.output import check_place
 from capture.radiance_files import read_radiance
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def calibrate_ball(
     from calibration.ball_record import ball_record
     from calibration.files import write_calibration
 
-    refuse_existing(output, force=force)
+    check_place(output, force=force)
     if focal_px is not None and distance_ratio is not None:
         raise InputError("give --focal-px or --distance-ratio, not both: each tells the other")
     if focal_px is None and principal:

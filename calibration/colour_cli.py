@@ -14,7 +14,7 @@ from capture.errors import InputError
 from capture.frame import Bracket
 from capture.importing import read_photo_bracket
 from capture.manifest import MANIFEST_NAME, SensorRecord, sensor_record
-from capture.output import refuse_existing, write_json
+from capture.output import check_place, write_json
 from capture.recording import open_recording
 from capture.sensor import Sensor
 from capture.sensor_files import SCHEMA, read_sensor
@@ -76,7 +76,7 @@ def calibrate_colour(
     from calibration.colour_matrix import fit_colours
     from capture.merge import merge_bracket
 
-    refuse_existing(output, force=force)
+    check_place(output, force=force)
     white_xy = _white(light)
     measured = None if response is None else read_sensor(response)
     chosen, sensor = _read_bracket(sources, exposures, bracket, measured)

@@ -11,7 +11,7 @@ from calibration.formats import FORMATS, read_camera
 from calibration.formats.foreign import NoCounterpart, as_calibration
 from capture.arguments import Output
 from capture.errors import InputError
-from capture.output import refuse_existing, write_text
+from capture.output import check_place, write_text
 
 FormatName = Literal["mrcal", "ocamcalib", "nerfstudio", "kalibr", "opencv", "colmap"]
 
@@ -43,7 +43,7 @@ def import_calibration(
     force
         Replace the output if it exists.
     """
-    refuse_existing(output, force=force)
+    check_place(output, force=force)
     if valid_angle_deg is not None and not 0 < valid_angle_deg <= 180:
         raise InputError(f"--valid-angle-deg must be in (0, 180], got {valid_angle_deg}")
     name, found = read_camera(file, camera)
@@ -84,7 +84,7 @@ def export_calibration(
     force
         Replace the output if it exists.
     """
-    refuse_existing(output, force=force)
+    check_place(output, force=force)
     camera = read_calibration(calibration)
     written = camera
     remark = ""

@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from capture.arguments import Output
-from capture.output import refuse_existing
+from capture.output import check_place
 
 
 def calibrate_lens(
@@ -55,7 +55,7 @@ def calibrate_lens(
     from calibration.report.evidence import evidence_of
     from calibration.report.write import refuse_report, write_report
 
-    refuse_existing(output, force=force)
+    check_place(output, force=force)
     if report is not None:
         refuse_report(report, force=force)
     wanted = parse_board(board, square_mm * 1e-3)

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from capture.arguments import WholeNumber
 from capture.errors import InputError, UnreadableFrame
 from capture.frame import Bracket
-from capture.output import refuse_existing
+from capture.output import check_place
 from capture.recording import Recording, open_recording
 
 _MOST_BRACKETS = 4
@@ -54,7 +54,7 @@ def calibrate_response(
     from calibration.response_files import apply_response, write_response
 
     if output is not None:
-        refuse_existing(output, force=force)
+        check_place(output, force=force)
     opened = open_recording(recording)
     used = _readable(opened, brackets)
     try:

@@ -18,7 +18,7 @@ from calibration.pose.sky_pictures import parse_moment, parse_utc_offset, sky_pi
 from calibration.pose.sun_track import SunPose, clock_error
 from capture.arguments import Output, tell
 from capture.errors import InputError
-from capture.output import refuse_existing, write_text
+from capture.output import check_place, write_text
 from capture.progress import progress
 
 _WORTH_TELLING_RAD = np.deg2rad(2.0)
@@ -69,7 +69,7 @@ def calibrate_sun(
     """
     for path in (output, residuals):
         if path is not None:
-            refuse_existing(path, force=force)
+            check_place(path, force=force)
     if not (-90 <= latitude_deg <= 90 and -180 <= longitude_deg <= 180):
         raise InputError(
             "--latitude-deg must be from -90 to 90 and --longitude-deg from -180 to 180, got "

@@ -20,7 +20,7 @@ from calibration.pose.up import (
 )
 from capture.arguments import Output, tell
 from capture.errors import InputError
-from capture.output import refuse_existing
+from capture.output import check_place
 
 _MARK_SIGMA_PX = 1.0
 """How well a point is marked by hand; where marks scatter more, they say so themselves."""
@@ -62,7 +62,7 @@ def calibrate_up(
     force
         Replace the output if it exists.
     """
-    refuse_existing(output, force=force)
+    check_place(output, force=force)
     ways = [looks is not None, bool(gravity), bool(vertical), bool(horizon)]
     if sum(ways) != 1:
         raise InputError(

@@ -12,7 +12,7 @@ from calibration.camera import Calibration
 from calibration.files import read_calibration, read_records, write_calibration
 from capture.arguments import Output, tell
 from capture.errors import InputError
-from capture.output import refuse_existing
+from capture.output import check_place
 from capture.radiance_files import read_radiance
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def calibrate_vignetting(
     from calibration.vignetting_record import vignetting_record
     from calibration.vignetting_samples import Shot, flat_samples, lamp_samples, overlap_samples
 
-    refuse_existing(output, force=force)
+    check_place(output, force=force)
     if (source == "published") != (coefficients is not None) or (source == "published") == bool(
         pictures
     ):

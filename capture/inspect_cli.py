@@ -10,7 +10,7 @@ from rich.text import Text
 
 from capture.errors import InputError
 from capture.inspecting import contact_sheet, describe, examine
-from capture.output import refuse_existing
+from capture.output import check_place
 from capture.pictures import write_png
 from capture.recording import open_recording
 
@@ -27,11 +27,11 @@ def inspect(recording: Path, *, thumbnails: Path | None = None, force: bool = Fa
     force
         Replace the sheet if it exists.
     """
-    opened = open_recording(recording)
     if thumbnails is not None:
         if thumbnails.suffix.lower() != ".png":
             raise InputError(f"{thumbnails}: wanted a file named .png")
-        refuse_existing(thumbnails, force=force)
+        check_place(thumbnails, force=force)
+    opened = open_recording(recording)
     examination = examine(opened)
     _print_facts(describe(opened, examination))
     if thumbnails is not None:

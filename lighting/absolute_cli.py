@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from calibration.files import read_calibration
 from capture.arguments import Output
 from capture.errors import InputError
-from capture.output import refuse_existing
+from capture.output import check_place
 from capture.radiance import CD_M2
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import read_environment, write_environment
@@ -94,7 +94,7 @@ def scale(
     force
         Replace the output if it exists.
     """
-    refuse_existing(output, force=force)
+    check_place(output, force=force)
     _refuse_without_unit(output)
     world = _read(environment)
     if grey_card is not None:
@@ -157,7 +157,7 @@ def recover(
     force
         Replace the output if it exists.
     """
-    refuse_existing(output, force=force)
+    check_place(output, force=force)
     _refuse_without_unit(output)
     world = _read(environment)
     normal = _parse_facing(facing)

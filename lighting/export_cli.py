@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from capture.arguments import Output
 from capture.errors import InputError
-from capture.output import refuse_existing
+from capture.output import check_place
 from capture.radiance import Cleaned
 from capture.radiance_files import HDR_SUFFIXES
 from lighting.export.files import SCENE_SUFFIXES, write_map, write_scene
@@ -53,7 +53,7 @@ def export(
             f"{output}: wanted a scene named {', '.join(SCENE_SUFFIXES)}, "
             f"or a map named {', '.join(sorted(HDR_SUFFIXES))}"
         )
-    refuse_existing(output, force=force)
+    check_place(output, force=force)
     if suffix in HDR_SUFFIXES:
         if lights is not None or map_path is None or convention is None:
             raise InputError(

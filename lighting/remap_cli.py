@@ -5,7 +5,7 @@ from pathlib import Path
 from calibration.files import read_calibration
 from capture.arguments import Output, WholeNumber
 from capture.errors import InputError
-from capture.output import refuse_existing
+from capture.output import check_place
 from capture.radiance_files import read_radiance
 from lighting.blocks.fill import Fill, fill_unseen
 from lighting.maps.environment_files import write_environment
@@ -43,7 +43,7 @@ def remap(
     force
         Replace the output if it exists.
     """
-    refuse_existing(output, force=force)
+    check_place(output, force=force)
     check_map_height(height)
     camera = read_calibration(calibration)
     image, cleaned = read_radiance(radiance)
