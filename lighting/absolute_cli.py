@@ -114,7 +114,7 @@ def scale(
         factor, unevenness = scale_from_luminance(
             world, towards, np.radians(radius_deg), luminance_cd_m2
         )
-        note = f"; the spot varies by {unevenness:.1%}"
+        note = f"; the spot and what is just beside it vary by {unevenness:.1%}"
     elif illuminance_lx is not None:
         factor = scale_from_illuminance(
             world, _parse_facing(facing), illuminance_lx, clipped_were_shaded=clipped_were_shaded
@@ -136,6 +136,7 @@ def recover(
     facing: str = "up",
     disc_deg: float = 0.53,
     spread: Switch = False,
+    direction: str | None = None,
     force: Switch = False,
 ) -> None:
     """Give a map's clipped sun the light that a measured illuminance says it has.
@@ -154,6 +155,8 @@ def recover(
         Diameter of the disc that the missing light is given to.
     spread
         Spread the light over all that is clipped instead, as for a lamp.
+    direction
+        X,Y,Z of the sun in the world, to 5°, where other things are clipped too. They stay so.
     force
         Replace the output if it exists.
     """
@@ -162,7 +165,8 @@ def recover(
     world = _read(environment)
     normal = _parse_facing(facing)
     radius_rad = None if spread else np.radians(disc_deg / 2)
-    whole = recover_clipped(world, normal, illuminance_lx, radius_rad)
+    towards = None if direction is None else _numbers(direction, 3, "--direction")
+    whole = recover_clipped(world, normal, illuminance_lx, radius_rad, towards)
     write_environment(output, whole, force=force)
     before = surface_illuminance(world, normal).total
     print(f"{output}: {illuminance_lx - before:.4g} of {illuminance_lx:.4g} lx were missing")

@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 from capture.errors import InputError
 from capture.radiance import CD_M2, RELATIVE
 from lighting.maps.environment import EnvironmentMap, luminance
+from lighting.photometry.disc import disc_shares
 from lighting.photometry.illuminance import surface_illuminance, unit
-from lighting.sphere.latlong import cell_directions, direction_to_grid, solid_angles
 
 _MOST_UNSEEN = 0.02
 """Of what an illuminance meter faces: as much as such meters err themselves."""
@@ -34,7 +34,7 @@ def scale_from_luminance(
     direction : (3,) array_like
         Where the meter pointed, in the world frame.
     radius_rad : float
-        Of the meter's spot. The cell in the middle counts, however small the spot is.
+        Of the meter's spot. Cells count by how much of it lies in them.
     luminance_cd_m2 : float
         What it showed.
 
@@ -42,8 +42,8 @@ def scale_from_luminance(
     -------
     factor : float
     unevenness : float
-        Standard deviation of the luminance in the spot, over its mean: what a slightly different
-        aim may change.
+        Standard deviation of the luminance over the spot and a cell beyond it, over the mean of
+        the spot: what a slightly different aim, or a finer map, may change.
 
     Raises
     ------
@@ -55,19 +55,18 @@ def scale_from_luminance(
         raise InputError(f"a spot's radius is from 0° to 90°, got {np.degrees(radius_rad):.4g}°")
     height = environment.height
     towards = unit(direction)
-    inside = cell_directions(height) @ towards >= np.cos(radius_rad)
-    column, row = np.rint(direction_to_grid(towards, height)).astype(int)
-    inside[np.clip(row, 0, height - 1), column % (2 * height)] = True
+    shares = disc_shares(height, towards, radius_rad)
+    inside = shares > 0
     if not environment.valid[inside].all():
         raise InputError("the spot holds directions that the camera did not see; choose another")
     if environment.clipped[inside].any():
         raise InputError("the spot is clipped: how bright it is is not known; choose a darker one")
-    weights = np.repeat(solid_angles(height)[:, None], 2 * height, 1)[inside]
-    spot = luminance(environment.radiance[inside])
-    mean = float(np.average(spot, weights=weights))
+    seen = luminance(environment.radiance)
+    mean = float((shares * seen).sum())
     if mean <= 0:
         raise InputError("the spot is black in the map; choose a brighter one")
-    spread = float(np.sqrt(np.average((spot - mean) ** 2, weights=weights)))
+    around = disc_shares(height, towards, radius_rad + np.pi / height) * environment.valid
+    spread = float(np.sqrt(np.average((seen - mean) ** 2, weights=around)))
     return luminance_cd_m2 / mean, spread / mean
 
 

@@ -1,6 +1,6 @@
 """The light of a clipped lamp or sun, from what an illuminance meter showed.
 
-Input  : an EnvironmentMap in cd/m² with one clipped region, and a measured illuminance.
+Input  : an EnvironmentMap in cd/m², one clipped region of it, and a measured illuminance.
 Output : the map with the missing light in it, (E_measured − E_map)/cos θ as a flux per facing area.
 P. Debevec, P. Graham, J. Busch, M. Bolas, "A Single-Shot Light Probe", SIGGRAPH 2012 Talks, solves
 for the light of clipped directions from what they do to a diffuse surface; a meter is one.
@@ -19,15 +19,15 @@ from scipy.sparse.csgraph import connected_components
 from capture.errors import InputError
 from capture.radiance import CD_M2
 from lighting.maps.environment import EnvironmentMap, luminance
+from lighting.photometry.disc import disc_shares
 from lighting.photometry.illuminance import cosine_weights, surface_illuminance, unit
-from lighting.sphere.latlong import cell_directions, direction_to_grid, solid_angles
+from lighting.sphere.latlong import cell_directions, solid_angles
 
 SUN_RADIUS_RAD = np.radians(0.53 / 2)
 """The sun's mean angular radius, as seen from the Earth."""
 
 _LEAST_COSINE = 0.05
-_POINTS = 4096
-_GOLDEN_RAD = np.pi * (3 - np.sqrt(5))
+_NEAR_RAD = np.radians(5.0)
 
 
 def recover_clipped(
@@ -35,6 +35,7 @@ def recover_clipped(
     normal: ArrayLike,
     illuminance_lx: float,
     radius_rad: float | None = SUN_RADIUS_RAD,
+    towards: ArrayLike | None = None,
 ) -> EnvironmentMap:
     """Return the map that gives the measured illuminance, its clipped region no longer clipped.
 
@@ -49,12 +50,16 @@ def recover_clipped(
     radius_rad : float or None
         Of the disc that the missing light comes from, around the middle of the clipped region; a
         sun's by default. None spreads it over the region, as for a lamp of unknown size.
+    towards : (3,) array_like or None
+        Where the region is, in the world frame, to 5°: where glints, say, are clipped too. They
+        stay so, and what they lack is given to the region.
 
     Raises
     ------
     InputError
-        If the map is relative, nothing or more than one region is clipped, the region does not
-        shine on the meter, or the map gives as much light as was measured without any added.
+        If the map is relative, nothing is clipped (there), or more than one region and none is
+        named; the region does not shine on the meter; or the map gives as much light as was
+        measured without any added.
     """
     if environment.scale != CD_M2:
         raise InputError(
@@ -67,7 +72,8 @@ def recover_clipped(
         raise InputError(
             f"a disc's radius is between 0° and 90°, got {np.degrees(radius_rad):.4g}°"
         )
-    centre, colour = _clipped_region(environment)
+    region = _clipped_region(environment, towards)
+    centre, colour = _middle(environment, region)
     cosine = float(unit(normal) @ centre)
     if cosine < _LEAST_COSINE:
         raise InputError(
@@ -83,35 +89,50 @@ def recover_clipped(
             "meter faced"
         )
     height = environment.height
-    shape = environment.clipped.astype(np.float64)
+    shape = region.astype(np.float64)
     if radius_rad is not None:
-        shape = _disc(height, centre, radius_rad)
+        shape = disc_shares(height, centre, radius_rad) / solid_angles(height)[:, None]
     # By the cells' own cosines, so that the map gives what was measured exactly.
     added = shape * (missing_lx / float((shape * cosine_weights(height, normal)).sum()))
     radiance = environment.radiance + added[..., None] * (colour / luminance(colour))
     return replace(
         environment,
         radiance=radiance.astype(np.float32),
-        clipped=np.zeros_like(environment.clipped),
+        clipped=environment.clipped & ~region,
     )
 
 
-def _clipped_region(
-    environment: EnvironmentMap,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return direction and mean colour of the clipped region; InputError unless there is one."""
-    count, _ = _regions(environment.clipped)
+def _clipped_region(environment: EnvironmentMap, towards: ArrayLike | None) -> NDArray[np.bool_]:
+    """Return the clipped region, (N, 2N): the only one, or the one that is named."""
+    clipped = environment.clipped
+    count, number = _regions(clipped)
     if count == 0:
         raise InputError("nothing in the map is clipped: no light is missing")
-    if count > 1:
-        raise InputError(
-            f"{count} separate regions are clipped, and one measured illuminance cannot say how "
-            "much light each of them lacks; expose so that only one is"
-        )
-    clipped = environment.clipped
-    weights = np.repeat(solid_angles(environment.height)[:, None], clipped.shape[1], 1)[clipped]
-    centre = unit(weights @ cell_directions(environment.height)[clipped])
-    colour = weights @ environment.radiance[clipped].astype(np.float64)
+    if towards is None:
+        if count > 1:
+            raise InputError(
+                f"{count} separate regions are clipped, and one measured illuminance cannot say "
+                "how much light each of them lacks; expose so that only one is, or say where the "
+                "one is that lacks most"
+            )
+        return clipped
+    cosines = cell_directions(environment.height)[clipped] @ unit(towards)
+    nearest = int(np.argmax(cosines))
+    if cosines[nearest] < np.cos(_NEAR_RAD):
+        off_deg = np.degrees(np.arccos(np.clip(cosines[nearest], -1, 1)))
+        raise InputError(f"nothing is clipped there; the nearest that is lies {off_deg:.1f}° off")
+    region = np.zeros_like(clipped)
+    region[clipped] = number == number[nearest]
+    return region
+
+
+def _middle(
+    environment: EnvironmentMap, region: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return direction and mean colour of a region."""
+    weights = np.repeat(solid_angles(environment.height)[:, None], region.shape[1], 1)[region]
+    centre = unit(weights @ cell_directions(environment.height)[region])
+    colour = weights @ environment.radiance[region].astype(np.float64)
     return centre, colour if luminance(colour) > 0 else np.ones(3)
 
 
@@ -137,26 +158,3 @@ def _regions(marked: NDArray[np.bool_]) -> tuple[int, NDArray[np.int32]]:
     graph = coo_array((np.ones(edges.shape[1]), (edges[0], edges[1])), shape=(size, size))
     count, regions = connected_components(graph, directed=False)
     return int(count), regions
-
-
-def _disc(height: int, centre: NDArray[np.float64], radius_rad: float) -> NDArray[np.float64]:
-    """Return the share of each cell, (N, 2N), that a disc on the sphere covers.
-
-    By points spread evenly over the disc (a sunflower's), so that its flux is exact at any size.
-    """
-    order = np.arange(_POINTS)
-    cosine = 1 - (1 - np.cos(radius_rad)) * (order + 0.5) / _POINTS
-    sine = np.sqrt(1 - cosine**2)
-    aside = unit(np.cross(centre, np.eye(3)[np.argmin(np.abs(centre))]))
-    across = np.cross(centre, aside)
-    turn = order * _GOLDEN_RAD
-    points = (
-        cosine[:, None] * centre
-        + (sine * np.cos(turn))[:, None] * aside
-        + (sine * np.sin(turn))[:, None] * across
-    )
-    column, row = np.rint(direction_to_grid(points, height)).astype(int).T
-    cells = np.clip(row, 0, height - 1) * 2 * height + column % (2 * height)
-    counts = np.bincount(cells, minlength=2 * height**2).reshape(height, -1)
-    point_sr = 2 * np.pi * (1 - np.cos(radius_rad)) / _POINTS
-    return np.asarray(counts * point_sr / solid_angles(height)[:, None], np.float64)
