@@ -1,0 +1,384 @@
+"""One pass over a picture: an estimate of each pixel, independent of that of any other pass.
+
+Pixels come in tiles of 4 × 4, one packet of rays. A pass sees each pixel through n × n points, one
+in each square of its area. The pool of directions is cut into strata, as many as a pixel has shadow
+rays, and each point of the pixel has a share of them: which, is left to chance. In a stratum the 16
+pixels of a tile take directions at even steps from a random one on, so that neighbours err in
+different ways, and rays of a packet run nearly alike.
+
+Of a matt surface only what is missing is estimated: its irradiance without shadows is known from
+the whole pool (irradiance.py), and a direction in which nothing stands in the way adds nearly
+nothing.
+
+What surfaces mirror is also estimated from directions drawn by their lobe, and the two are combined
+by the balance heuristic [1]_.
+
+Cost   : see tests/benchmarks/reference.py.
+Fails  : only light that comes straight from the map or the discs; none by way of other surfaces.
+
+References
+----------
+.. [1] E. Veach, L. Guibas, "Optimally Combining Sampling Techniques for Monte Carlo Rendering",
+       SIGGRAPH, 1995.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from render.embree import PACKET, coherent16, hit_packet, packet
+from render.reference.emitters import Emitters, arriving
+from render.reference.irradiance import CORNERS, Irradiance, set_corners
+from render.reference.reflection import drawn, reflected
+from render.reference.surfaces import (
+    F0,
+    F90,
+    FACE_NORMAL,
+    FAR_M,
+    FIELDS,
+    HIT,
+    MATT,
+    NORMAL,
+    Tables,
+    find_surfaces,
+)
+
+Floats = NDArray[np.float32]
+
+SIDE = 4
+"""Pixels along the side of a tile."""
+
+# A pixel's place in its tile → its step in a stratum: an ordered dither, far apart where near.
+_STEP = np.array([0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5], np.uint64)
+_GOLDEN = 0.6180339887498949
+_TO_UNIT = 1 / 2.0**32
+
+
+class Rays(NamedTuple):
+    """How many rays a pass spends.
+
+    Attributes
+    ----------
+    side : int
+        Points along the side of a pixel.
+    light, lobe : int
+        Directions of each point that are drawn from the pool, and from the lobe where the surface
+        mirrors.
+    """
+
+    side: int
+    light: int
+    lobe: int
+
+
+class Sums(NamedTuple):
+    """What passes add to.
+
+    Attributes
+    ----------
+    radiance, squares : (H, W, 4) float64
+        Sums over passes of the estimates of a pixel, red, green, blue and what share of it is
+        covered, and of their squares.
+    rays : (rows of tiles,) int64
+        Directions looked at, in which something might have stood.
+    """
+
+    radiance: NDArray[np.float64]
+    squares: NDArray[np.float64]
+    rays: NDArray[np.int64]
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def add_pass(
+    functions: tuple[int, int],
+    scene: int,
+    view: Floats,
+    tables: Tables,
+    emitters: Emitters,
+    pool: Floats,
+    smooth: Irradiance,
+    spent: Rays,
+    seed: int,
+    rows: NDArray[np.int64],
+    sums: Sums,
+) -> None:  # pragma: no cover - compiled
+    """Add an estimate of every pixel to `sums`.
+
+    Parameters
+    ----------
+    functions, scene : (int, int), int
+        Addresses of Embree's rtcIntersect16, rtcOccluded16 and scene.
+    view : (4, 3) float32
+        The eye; the direction toward the picture's upper left corner; what a column and a row add.
+    pool : (M, 8) float32
+        Of `draw_pool`; M a multiple of the strata.
+    smooth : Irradiance
+        From the pool.
+    seed : int
+        Another for every pass.
+    rows : (rows of tiles,) int64
+        All of them, in an order that gives each thread as much to do.
+    """
+    for k in prange(len(rows)):
+        _add_row(functions, scene, view, tables, emitters, pool, smooth, spent, seed, rows[k], sums)
+
+
+@njit(nogil=True)
+def _add_row(
+    functions: tuple[int, int],
+    scene: int,
+    view: Floats,
+    tables: Tables,
+    emitters: Emitters,
+    pool: Floats,
+    smooth: Irradiance,
+    spent: Rays,
+    seed: int,
+    row: int,
+    sums: Sums,
+) -> None:  # pragma: no cover - compiled
+    height, width = sums.radiance.shape[:2]
+    hits, in_picture = hit_packet()
+    shadow = packet()
+    surface = np.zeros((FIELDS, PACKET), np.float32)
+    light = np.zeros((8, PACKET), np.float32)
+    corners = np.zeros((CORNERS, PACKET), np.float32)
+    total = np.zeros((4, PACKET), np.float32)
+    points = spent.side * spent.side
+    for first in range(0, width, SIDE):
+        tile = _mixed(_mixed(np.uint64(seed)) ^ np.uint64(row << 32 | first))
+        turn = int(tile % np.uint64(points))
+        total[:] = 0
+        for point in range(points):
+            random = _mixed(tile + np.uint64(point + 1))
+            some = _aim(view, first, SIDE * row, width, height, spent.side, point, random, hits)
+            in_picture[:] = some
+            find_surfaces(functions[0], scene, tables, hits, in_picture, surface)
+            if surface[HIT].max() == 0:
+                continue
+            total[3] += surface[HIT] / np.float32(points)
+            share = (point + turn) % points
+            _add_unshadowed(smooth, points, surface, corners, total)
+            _add_light(
+                functions[1], scene, tables.sphere, emitters.lowest, pool, spent, share, random,
+                surface, corners, shadow, light, total, sums.rays, row,
+            )  # fmt: skip
+            if spent.lobe and (surface[F90] * surface[HIT]).max() > 0:
+                _add_lobe(
+                    functions[1], scene, tables.sphere, emitters, spent, share, tile, surface,
+                    shadow, light, total, sums.rays, row,
+                )  # fmt: skip
+        for i in range(PACKET):
+            y, x = SIDE * row + i // SIDE, first + i % SIDE
+            if y < height and x < width:
+                for c in range(4):
+                    value = np.float64(total[c, i])
+                    sums.radiance[y, x, c] += value
+                    sums.squares[y, x, c] += value * value
+
+
+@njit(nogil=True)
+def _aim(
+    view: Floats,
+    x: int,
+    y: int,
+    width: int,
+    height: int,
+    side: int,
+    point: int,
+    random: np.uint64,
+    rays: Floats,
+) -> NDArray[np.int32]:  # pragma: no cover - compiled
+    """Set rays through a random place in square `point` of each pixel; return which are pixels."""
+    inside = np.empty(PACKET, np.int32)
+    for i in range(PACKET):
+        column, row = x + i % SIDE, y + i // SIDE
+        right, down = _pair(_mixed(random + np.uint64(i << 32)))
+        across = np.float32(column + (point % side + right) / side)
+        along = np.float32(row + (point // side + down) / side)
+        for axis in range(3):
+            rays[axis, i] = view[0, axis]
+            rays[4 + axis, i] = view[1, axis] + across * view[2, axis] + along * view[3, axis]
+        inside[i] = -np.int32(column < width and row < height)
+    return inside
+
+
+@njit(nogil=True)
+def _add_unshadowed(
+    smooth: Irradiance, points: int, surface: Floats, corners: Floats, total: Floats
+) -> None:  # pragma: no cover - compiled
+    """Add what matt surfaces reflect where nothing stands in the way, and set `corners`."""
+    for i in range(PACKET):
+        red, green, blue = set_corners(smooth, surface, i, corners)
+        share = surface[HIT, i] / np.float32(points)
+        total[0, i] += share * surface[MATT, i] * red
+        total[1, i] += share * surface[MATT + 1, i] * green
+        total[2, i] += share * surface[MATT + 2, i] * blue
+
+
+@njit(nogil=True)
+def _add_light(
+    function: int,
+    scene: int,
+    sphere: Floats,
+    lowest: float,
+    pool: Floats,
+    spent: Rays,
+    share: int,
+    random: np.uint64,
+    surface: Floats,
+    corners: Floats,
+    shadow: tuple[Floats, NDArray[np.int32]],
+    light: Floats,
+    total: Floats,
+    counts: NDArray[np.int64],
+    row: int,
+) -> None:  # pragma: no cover - compiled
+    """Add what directions of the pool give, in strata `share`, `share` + n², … beyond `corners`."""
+    rays, valid = shadow
+    points = spent.side * spent.side
+    strata = spent.light * points
+    members = pool.shape[0] // strata
+    part = np.float32(1 / strata)
+    preference = spent.lobe / spent.light
+    mirrors = (surface[F90] * surface[HIT]).max() > 0
+    rays[0:3] = surface[0:3]
+    for s in range(spent.light):
+        random = _mixed(random)
+        first = (s * points + share) * members
+        start = np.float64(random >> np.uint64(32)) * _TO_UNIT
+        for i in range(PACKET):
+            step = np.float64(_STEP[i] ^ (random & np.uint64(15)))
+            at = first + min(int((step + start) * members / PACKET), members - 1)
+            for field in range(7):
+                light[field, i] = pool[at, field]
+        if _select(sphere, lowest, surface, light, valid):
+            rays[4:7] = light[0:3]
+            rays[8] = FAR_M
+            coherent16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
+            for i in range(PACKET):
+                light[7, i] *= np.float32(rays[8, i] > 0)
+                counts[row] -= valid[i]
+        for i in range(PACKET):
+            expected = np.float32(0)
+            for k in range(0, CORNERS, 3):
+                cosine = (
+                    corners[k, i] * light[0, i]
+                    + corners[k + 1, i] * light[1, i]
+                    + corners[k + 2, i] * light[2, i]
+                )
+                expected += max(cosine, np.float32(0))
+            beyond = part * (light[7, i] - expected)
+            for c in range(3):
+                total[c, i] += beyond * light[3 + c, i] * surface[MATT + c, i]
+        if not mirrors:
+            continue
+        for i in range(PACKET):
+            if light[7, i] == 0 or surface[F90, i] == 0:
+                continue
+            mirror, grazing, density = reflected(surface, i, light[0, i], light[1, i], light[2, i])
+            mirror *= light[6, i] / (light[6, i] + preference * density)
+            for c in range(3):
+                f0 = surface[F0 + c, i]
+                fresnel = f0 + (surface[F90, i] - f0) * grazing
+                passed = fresnel * (mirror - surface[MATT + c, i] * light[7, i])
+                total[c, i] += part * light[3 + c, i] * passed
+
+
+@njit(nogil=True)
+def _add_lobe(
+    function: int,
+    scene: int,
+    sphere: Floats,
+    emitters: Emitters,
+    spent: Rays,
+    share: int,
+    tile: np.uint64,
+    surface: Floats,
+    shadow: tuple[Floats, NDArray[np.int32]],
+    light: Floats,
+    total: Floats,
+    counts: NDArray[np.int64],
+    row: int,
+) -> None:  # pragma: no cover - compiled
+    """Add what surfaces mirror from directions of their lobes."""
+    rays, valid = shadow
+    strata = spent.lobe * spent.side * spent.side
+    preference = spent.lobe / spent.light
+    radiance = np.empty(3, np.float32)
+    rays[0:3] = surface[0:3]
+    for s in range(spent.lobe):
+        index = share * spent.lobe + s
+        for i in range(PACKET):
+            # A lattice, moved at random for each pixel.
+            right, down = _pair(_mixed(tile ^ np.uint64((i + 1) << 40)))
+            u, v = ((index + 0.5) / strata + right) % 1.0, (index * _GOLDEN + down) % 1.0
+            if surface[HIT, i] > 0 and surface[F90, i] > 0:
+                light[0, i], light[1, i], light[2, i] = drawn(surface, i, u, v)
+            else:
+                for axis in range(3):  # away from the surface: not selected
+                    light[axis, i] = -surface[NORMAL + axis, i]
+        if _select(sphere, emitters.lowest, surface, light, valid):
+            rays[4:7] = light[0:3]
+            rays[8] = FAR_M
+            coherent16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
+            for i in range(PACKET):
+                light[7, i] *= np.float32(rays[8, i] > 0)
+                counts[row] -= valid[i]
+        for i in range(PACKET):
+            if light[7, i] == 0:
+                continue
+            x, y, z = light[0, i], light[1, i], light[2, i]
+            mirror, grazing, density = reflected(surface, i, x, y, z)
+            arriving(emitters, x, y, z, preference * density, radiance)
+            for c in range(3):
+                f0 = surface[F0 + c, i]
+                fresnel = f0 + (surface[F90, i] - f0) * grazing
+                total[c, i] += radiance[c] * fresnel * mirror / (density * strata)
+
+
+@njit(nogil=True)
+def _select(
+    sphere: Floats, lowest: float, surface: Floats, light: Floats, valid: NDArray[np.int32]
+) -> bool:  # pragma: no cover - compiled
+    """Set row 7 of `light` to n·l, 0 where no light comes; mark the rays to trace.
+
+    Light comes from above the surface, its face and the ground, which is opaque. Rays are traced
+    that meet the meshes' bounding sphere.
+    """
+    needed = np.int32(0)
+    for i in range(PACKET):
+        x, y, z = light[0, i], light[1, i], light[2, i]
+        cosine = surface[NORMAL, i] * x + surface[NORMAL + 1, i] * y + surface[NORMAL + 2, i] * z
+        facing = (
+            surface[FACE_NORMAL, i] * x
+            + surface[FACE_NORMAL + 1, i] * y
+            + surface[FACE_NORMAL + 2, i] * z
+        )
+        is_lit = (surface[HIT, i] > 0) & (cosine > 0) & (facing > 0) & (y > lowest)
+        dx, dy, dz = sphere[0] - surface[0, i], sphere[1] - surface[1, i], sphere[2] - surface[2, i]
+        along = dx * x + dy * y + dz * z
+        off2 = dx * dx + dy * dy + dz * dz - along * along
+        meets = (off2 < sphere[3] * sphere[3]) & (along > -sphere[3])
+        light[7, i] = cosine * np.float32(is_lit)
+        valid[i] = -np.int32(is_lit & meets)
+        needed |= valid[i]
+    return needed != 0
+
+
+@njit(nogil=True)
+def _mixed(state: np.uint64) -> np.uint64:  # pragma: no cover - compiled
+    """Return a hash of 64 bits: SplitMix64's step and finaliser."""
+    z = state + np.uint64(0x9E3779B97F4A7C15)
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
+
+
+@njit(nogil=True)
+def _pair(bits: np.uint64) -> tuple[float, float]:  # pragma: no cover - compiled
+    """Return two numbers in [0, 1) of 32 bits each."""
+    low = bits & np.uint64(0xFFFFFFFF)
+    return np.float64(bits >> np.uint64(32)) * _TO_UNIT, np.float64(low) * _TO_UNIT
