@@ -5,8 +5,6 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from capture.errors import InputError
-
 
 def report(
     calibration: Path,
@@ -42,10 +40,7 @@ def report(
     if output is not None:
         refuse_report(output, force=force)
     camera, record = read_calibration(calibration), read_lens_record(calibration)
-    try:
-        evidence = evidence_of(record, camera)
-    except InputError as error:
-        raise InputError(f"{calibration}: {error}") from None
+    evidence = evidence_of(record, camera)
     for line in summary(record, camera):
         print(line)
     for line in advice(evidence):

@@ -14,7 +14,7 @@ from calibration.camera import Calibration
 from calibration.files import read_object
 from calibration.lens.adjust import Solution
 from calibration.lens.choice import Trial
-from calibration.lens.corners import Corners, gather
+from calibration.lens.corners import WARP_DEGREES, Corners, gather
 from calibration.lens.fit import LensFit
 from calibration.lens.poses import Poses
 from calibration.observations import Rejected, View
@@ -25,6 +25,8 @@ _CORNER_DIGITS = 4
 
 _FEW_VIEWS = 10
 
+_Row = tuple[float, float, float]
+
 
 class ViewRecord(msgspec.Struct, frozen=True):
     """A view that was used: its corners, which of them were kept, and the board's pose."""
@@ -34,8 +36,8 @@ class ViewRecord(msgspec.Struct, frozen=True):
     corners_px: list[tuple[float, float]]
     corner_sigma_px: list[float]
     kept: list[bool]
-    R_camera_board: list[list[float]]
-    t_camera_board_m: tuple[float, float, float]
+    R_camera_board: tuple[_Row, _Row, _Row]
+    t_camera_board_m: _Row
 
 
 class TrialRecord(msgspec.Struct, frozen=True):
@@ -108,15 +110,42 @@ def read_lens_record(path: Path) -> LensRecord:
     Raises
     ------
     InputError
-        If the file cannot be read, or was not made by `fishlight calibrate lens`.
+        If the file cannot be read, was not made by `fishlight calibrate lens`, or has lost a part
+        of what that wrote.
     """
     content = read_object(path).get("lens_fit")
     if content is None:
         raise InputError(f"{path} keeps no views: it was not made by fishlight calibrate lens")
     try:
-        return msgspec.convert(content, LensRecord)
-    except msgspec.ValidationError as error:
+        record = msgspec.convert(content, LensRecord)
+        check_record(record)
+    except (msgspec.ValidationError, InputError) as error:
         raise InputError(f"{path}: lens_fit: {error}") from None
+    return record
+
+
+def check_record(record: LensRecord) -> None:
+    """Raise InputError unless the parts belong together, as they do when they are written."""
+    points = len(record.board.points_m())
+    for view in record.views:
+        ids = view.point_ids
+        lists = (ids, view.corners_px, view.corner_sigma_px, view.kept)
+        rising = bool(np.all(np.diff(ids) > 0))
+        if len({len(each) for each in lists}) > 1 or not ids or not rising:
+            raise InputError(f"{view.name}: its corners and their numbers do not match")
+        if ids[0] < 0 or ids[-1] >= points:
+            raise InputError(f"{view.name}: the board has points 0 to {points - 1}")
+        if not min(view.corner_sigma_px) > 0:
+            raise InputError(f"{view.name}: corner_sigma_px must be positive")
+    if not any(True in view.kept for view in record.views):
+        raise InputError("there is no corner")
+    if len(record.warp_m) != len(WARP_DEGREES):
+        raise InputError(f"warp_m must have {len(WARP_DEGREES)} lengths")
+    if record.chosen not in [trial.model for trial in record.trials]:
+        raise InputError(f"{record.chosen!r} is chosen, but was not tried")
+    curves = (record.angle_rad, record.sigma_rad, record.split_rad)
+    if len({len(curve) for curve in curves}) > 1 or len(record.angle_rad) < 2:
+        raise InputError("angle_rad, sigma_rad and split_rad must be equally long")
 
 
 def restored(record: LensRecord, calibration: Calibration) -> tuple[Corners, Solution]:

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from calibration.camera import Calibration
 from calibration.lens.adjust import in_camera_m, residuals_px
-from calibration.lens.corners import WARP_DEGREES, Corners, gather
+from calibration.lens.corners import Corners, gather
 from calibration.lens.record import LensRecord, restored
 from calibration.observations import View
-from capture.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -62,14 +61,7 @@ class Evidence:
 
 
 def evidence_of(record: LensRecord, calibration: Calibration) -> Evidence:
-    """Return the corners of a calibration with their residuals and angles.
-
-    Raises
-    ------
-    InputError
-        If the record's parts do not belong together: it was altered since it was written.
-    """
-    _check(record)
+    """Return the corners of a calibration with their residuals and angles."""
     corners, solution = restored(record, calibration)
     residuals = residuals_px(corners, solution)
     x, y, z = in_camera_m(corners, solution).T
@@ -94,29 +86,3 @@ def evidence_of(record: LensRecord, calibration: Calibration) -> Evidence:
         np.arctan2(y, x),
         residuals_px(every, solution).reshape(-1, count, 2),
     )
-
-
-def _check(record: LensRecord) -> None:
-    """Raise InputError unless lists that belong together are equally long."""
-    points = len(record.board.points_m())
-    for view in record.views:
-        ids = view.point_ids
-        lists = (ids, view.corners_px, view.corner_sigma_px, view.kept)
-        rising = bool(np.all(np.diff(ids) > 0))
-        if len({len(each) for each in lists}) > 1 or not ids or not rising:
-            raise InputError(f"lens_fit: {view.name}: its corners and their numbers do not match")
-        if ids[0] < 0 or ids[-1] >= points:
-            raise InputError(f"lens_fit: {view.name}: the board has points 0 to {points - 1}")
-        if not min(view.corner_sigma_px) > 0:
-            raise InputError(f"lens_fit: {view.name}: corner_sigma_px must be positive")
-        if [len(row) for row in view.R_camera_board] != [3, 3, 3]:
-            raise InputError(f"lens_fit: {view.name}: R_camera_board must be 3 × 3")
-    if not any(True in view.kept for view in record.views):
-        raise InputError("lens_fit holds no corner")
-    if len(record.warp_m) != len(WARP_DEGREES):
-        raise InputError(f"lens_fit: warp_m must have {len(WARP_DEGREES)} lengths")
-    if record.chosen not in [trial.model for trial in record.trials]:
-        raise InputError(f"lens_fit: {record.chosen!r} is chosen, but was not tried")
-    curves = (record.angle_rad, record.sigma_rad, record.split_rad)
-    if len({len(curve) for curve in curves}) > 1 or len(record.angle_rad) < 2:
-        raise InputError("lens_fit: angle_rad, sigma_rad and split_rad must be equally long")

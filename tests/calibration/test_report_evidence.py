@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from calibration.lens.record import check_record
 from calibration.report.coverage import Cell, advice, bare_cells
 from calibration.report.evidence import evidence_of
 from calibration.report.figures import exaggeration
@@ -68,23 +69,23 @@ def test_the_whole_board_is_drawn_where_it_is_even_where_no_corner_was_found() -
         ({"kept": [True]}, "do not match"),
         ({"point_ids": [0] * 20}, "do not match"),
         ({"point_ids": list(range(1, 21))}, "points 0 to 19"),
-        ({"R_camera_board": [[1.0, 0.0, 0.0]]}, "3 × 3"),
         ({"corner_sigma_px": [0.0] * 20}, "positive"),
     ],
 )
 def test_a_view_that_does_not_hold_together_is_refused(
     changes: dict[str, object], complaint: str
 ) -> None:
-    record, calibration, _ = known_record([(0, 0)])
+    record = known_record([(0, 0)])[0]
     broken = msgspec.structs.replace(record.views[0], **changes)
     with pytest.raises(InputError, match=rf"view 0\.png: .*{complaint}"):
-        evidence_of(msgspec.structs.replace(record, views=[broken]), calibration)
+        check_record(msgspec.structs.replace(record, views=[broken]))
 
 
 @pytest.mark.parametrize(
     ("changes", "complaint"),
     [
         ({"views": []}, "no corner"),
+        ({"sigma_rad": [0.1]}, "equally long"),
         ({"chosen": "ocam"}, "'ocam' is chosen"),
         ({"split_rad": [0.1]}, "equally long"),
         ({"warp_m": [0.0]}, "warp_m"),
@@ -93,9 +94,9 @@ def test_a_view_that_does_not_hold_together_is_refused(
 def test_a_record_that_does_not_hold_together_is_refused(
     changes: dict[str, object], complaint: str
 ) -> None:
-    record, calibration, _ = known_record([(0, 0)])
+    record = known_record([(0, 0)])[0]
     with pytest.raises(InputError, match=complaint):
-        evidence_of(msgspec.structs.replace(record, **changes), calibration)
+        check_record(msgspec.structs.replace(record, **changes))
 
 
 def test_boards_all_around_leave_no_part_bare_and_nothing_to_advise() -> None:
