@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.arrays import read_only
+from lighting.sphere.latlong import grid_to_direction, solid_angles
 
 Array = NDArray[np.float64]
 
@@ -82,6 +83,21 @@ def _hemisphere(a: Array, b: Array) -> Array:
     return np.stack([level * np.sin(angle), 1 - radius * radius, level * np.cos(angle)], axis=-1)
 
 
+def cell_of(directions: Array, *, upper_only: bool, side: int = SIDE) -> NDArray[np.int64]:
+    """Return the cell that each of directions (..., 3) lies in; −1 where there is none."""
+    x, y, z = np.moveaxis(directions, -1, 0)
+    radius = np.sqrt(np.maximum(1 - np.abs(y), 0.0))
+    angle = np.arctan2(x, z)
+    turned = (angle + np.pi / 4) % np.pi - np.pi / 4  # −π/4 … 3π/4: the opposite side is its mirror
+    sign = np.where(np.abs((angle - turned) / np.pi) % 2 > 0.5, -1.0, 1.0)
+    is_wide = turned < np.pi / 4
+    a = sign * radius * np.where(is_wide, 1.0, 2 - turned * (4 / np.pi))
+    b = sign * radius * np.where(is_wide, turned * (4 / np.pi), 1.0)
+    row, column = (np.clip((each + 1) * (side / 2), 0, side - 1).astype(int) for each in (a, b))
+    cell = row * side + column + np.where(y < 0, side * side, 0)
+    return np.where((y < 0) & upper_only, -1, cell)
+
+
 def spread_over_cells(
     cells: DirectionCells, directions: Array, irradiance: Array, radius_rad: Array
 ) -> Array:
@@ -112,6 +128,24 @@ def spread_over_cells(
     facing = (1 + np.cos(radius_rad)) / 2
     gain = np.divide(facing, received, out=np.zeros_like(facing), where=received > 0)
     return per_cell.T @ (gain[:, None] * irradiance)
+
+
+def map_over_cells(radiance: NDArray[np.floating], *, upper_only: bool) -> Array:
+    """Return ∫L dω of each cell, (D, 3), of a lat-long map (N, 2N, 3)."""
+    cell, weight, count = _cells_of_map(len(radiance), upper_only=upper_only)
+    light = radiance.reshape(-1, 3) * weight
+    # What has no cell goes to one more at the end.
+    sums = [np.bincount(cell, light[:, c], count + 1)[:count] for c in range(3)]
+    return np.stack(sums, axis=1)
+
+
+@cache
+def _cells_of_map(rows: int, *, upper_only: bool) -> tuple[NDArray[np.int64], Array, int]:
+    row, column = np.divmod(np.arange(2 * rows * rows), 2 * rows)
+    directions = grid_to_direction(np.stack([column, row], axis=-1), rows)
+    count = direction_cells(upper_only=upper_only).count
+    cell = cell_of(directions, upper_only=upper_only)
+    return np.where(cell < 0, count, cell), solid_angles(rows)[row][:, None], count
 
 
 def disc_points(direction: Array, radius_rad: float, count: int) -> Array:

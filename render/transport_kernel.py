@@ -16,7 +16,6 @@ TILE = 128
 
 _FLOATS = NDArray[np.float32]
 _FAR_M = 1e30
-_SMALLEST_ALPHA2 = 4e-6
 
 
 @njit(cache=True, nogil=True, parallel=True)
@@ -26,6 +25,8 @@ def trace_transport(
     sphere: _FLOATS,
     surface: _FLOATS,
     points: _FLOATS,
+    from_alpha2: float,
+    least_alpha2: float,
     mirror_row: NDArray[np.int64],
     matt: NDArray[np.uint8],
     matt_step: _FLOATS,
@@ -44,15 +45,21 @@ def trace_transport(
         Origin (3), shading normal (3), face normal (3), direction to the eye (3), α², f0; α² below
         zero marks a sample that mirrors nothing.
     points : (D, S, 3) float32
+    from_alpha2 : float
+        α² from which on samples mirror; others are left out.
+    least_alpha2 : float
+        Lobes are no narrower, so that the points do not show one by one.
     mirror_row : (tiles,) int64
-        Row of `mirror` that is the tile's, −1 where no sample of it mirrors.
+        Row of `mirror` that is the tile's, −1 where its reflections are not wanted.
     matt, mirror : (tiles, D, TILE), (mirroring tiles, D, TILE) uint8
         Visible n·l (1 − F) and visible n·l D G F / (4 n·l n·v), in steps.
     matt_step, mirror_step : (tiles, TILE), (mirroring tiles, TILE) float32
         What a step is worth.
     """
     for tile in prange(surface.shape[0]):
-        received, mirrored = _traced(function, scene, sphere, surface[tile], points)
+        received, mirrored = _traced(
+            function, scene, sphere, surface[tile], points, from_alpha2, least_alpha2
+        )
         _quantise(received, matt[tile], matt_step[tile])
         if mirror_row[tile] >= 0:
             _quantise(mirrored, mirror[mirror_row[tile]], mirror_step[mirror_row[tile]])
@@ -60,7 +67,13 @@ def trace_transport(
 
 @njit(nogil=True)
 def _traced(
-    function: int, scene: int, sphere: _FLOATS, surface: _FLOATS, points: _FLOATS
+    function: int,
+    scene: int,
+    sphere: _FLOATS,
+    surface: _FLOATS,
+    points: _FLOATS,
+    from_alpha2: float,
+    least_alpha2: float,
 ) -> tuple[_FLOATS, _FLOATS]:  # pragma: no cover - compiled
     matt = np.zeros((points.shape[0], TILE), np.float32)
     mirror = np.zeros((points.shape[0], TILE), np.float32)
@@ -85,9 +98,12 @@ def _traced(
                 if mirrors:
                     for i in range(PACKET):
                         if part[12, i] > 0 and received[i] > 0:
-                            fresnel, reflected = _mirrored(part, i, light, received[i])
+                            fresnel, reflected = _mirrored(
+                                part, i, light, received[i], least_alpha2
+                            )
                             matt[cell, first + i] -= share * received[i] * fresnel
-                            mirror[cell, first + i] += share * reflected
+                            if part[12, i] >= from_alpha2:
+                                mirror[cell, first + i] += share * reflected
     return matt, mirror
 
 
@@ -140,12 +156,12 @@ def _select(
 
 @njit(nogil=True)
 def _mirrored(
-    part: _FLOATS, i: int, light: _FLOATS, n_l: float
+    part: _FLOATS, i: int, light: _FLOATS, n_l: float, least_alpha2: float
 ) -> tuple[float, float]:  # pragma: no cover - compiled
     """Return F and n·l D G F / (4 n·l n·v) of sample `i`, as shade.frag has them."""
     vx, vy, vz = part[9, i], part[10, i], part[11, i]
     lx, ly, lz = light[0], light[1], light[2]
-    alpha2, f0 = part[12, i], part[13, i]
+    alpha2, f0 = max(part[12, i], least_alpha2), part[13, i]
     n_v = max(part[3, i] * vx + part[4, i] * vy + part[5, i] * vz, 1e-4)
     length = math.sqrt(max(2 + 2 * (vx * lx + vy * ly + vz * lz), 1e-12))
     v_h = min(0.5 * length, 1.0)

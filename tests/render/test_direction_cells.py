@@ -7,7 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from render.direction_cells import direction_cells, disc_points, spread_over_cells
+from lighting.sphere.latlong import solid_angles
+from render.direction_cells import (
+    cell_of,
+    direction_cells,
+    disc_points,
+    map_over_cells,
+    spread_over_cells,
+)
 
 UPPER = direction_cells(upper_only=True)
 SPHERE = direction_cells(upper_only=False)
@@ -96,3 +103,19 @@ def test_points_of_a_disc_are_spread_evenly_over_it(radius):
     assert points.mean(axis=0) @ direction == pytest.approx(facing, abs=1e-9)
     across = points.mean(axis=0) - facing * direction
     assert np.linalg.norm(across) <= 0.05 * radius + 1e-12
+
+
+@pytest.mark.parametrize("upper_only", [True, False])
+def test_a_direction_lies_in_the_cell_whose_points_are_about_it(upper_only):
+    cells = direction_cells(upper_only=upper_only)
+    found = cell_of(cells.points, upper_only=upper_only)
+    np.testing.assert_array_equal(found, np.repeat(np.arange(cells.count)[:, None], 64, axis=1))
+
+
+def test_a_map_over_cells_keeps_its_light():
+    radiance = np.random.default_rng(0).random((32, 64, 3))
+    weights = solid_angles(32)[:, None, None]
+    every = map_over_cells(radiance, upper_only=False)
+    upper = map_over_cells(radiance, upper_only=True)
+    np.testing.assert_allclose(every.sum(axis=0), (radiance * weights).sum(axis=(0, 1)))
+    np.testing.assert_allclose(upper.sum(axis=0), (radiance * weights)[:16].sum(axis=(0, 1)))
