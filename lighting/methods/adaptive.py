@@ -38,9 +38,9 @@ SHAPES = tuple(FillShape(order, weight) for weight in (1000.0, 100.0, 10.0) for 
 MOST_LIGHTS_FOR_ERROR = 512
 """Where no fewer meet the asked error."""
 SAFETY = 1.2
-"""An error is met when it is predicted to be this many times smaller. Chosen on 34 captured maps of
-128 rows, where 2, 5 and 10 % are met in 97 of 100 cases, and two thirds of the lights would not do
-in 80 of 100."""
+"""An error is met when it is predicted to be this many times smaller. In steps of 0.1 the first
+that is no less than the 95 % quantile of real over predicted errors, which is 1.18, on 18 captured
+scenes at 2, 5 and 10 %. On nine others, held out, 26 in 27 cases are met; with 1.1 only 22."""
 _GROWTH = 2.0
 """From frame to frame, the number of lights for an error grows at most so many times, and by 8."""
 _BETTER = 0.85

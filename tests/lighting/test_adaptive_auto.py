@@ -1,23 +1,21 @@
 """No more lights than the scene needs: the number for an error, against the error that is made.
 
-With the margin of 1.2, on 34 captured maps of 128 rows at 2, 5 and 10 %: 99 of 102 cases are met,
-and in 92 of 102 two thirds of the lights would not have been enough. The margin and the number of
-probes were chosen on these maps, all of them; the number of probes is what mattered, and a third of
-the maps by itself has 32 of 33, with every fourth surface alone, as here, 29. On made maps of 64
-rows, which nothing was chosen on, 21 of 24 are met: what is missed has a hard sun, whose disc an
-edge cuts elsewhere than the probes' edges do.
+Of 27 captured scenes at 2, 5 and 10 %, judged on maps of 256 rows by all standard surfaces, margin
+and number of probes were chosen on 18: 53 of their 54 cases are met, and 26 of 27 of the nine held
+out (captured_maps.py). In 49 of 54 and in 25 of 27 the number is within 1.5 times the smallest that
+meets the error; of the others three are numbers of at most 6. On made maps of 64 rows, which
+nothing was chosen on, 21 of 24 are met: what is missed has a hard sun, whose disc an edge cuts
+elsewhere than the probes' edges do.
 """
 
 from functools import cache
-from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from capture.errors import InputError
 from lighting.blocks.block_grid import coarsened
 from lighting.blocks.summed_area import block_sums
-from lighting.maps.environment_files import read_environment
 from lighting.measures.error_measures import (
     Receivers,
     behind_occluders,
@@ -26,18 +24,26 @@ from lighting.measures.error_measures import (
     relative_rms,
     standard_receivers,
 )
+from lighting.methods import adaptive
 from lighting.reduce import reduce_to_lights
 from lighting.simulation.sequences import SEQUENCES, Sequence, Source, frames
 from lighting.sphere.latlong import cell_directions, solid_angles
+from tests.captured_maps import DATA, captured_maps, held_out
 from tests.environments import constant, environment, outdoors
 
-DATA = Path(__file__).resolve().parents[2].parent / "shared/data"
 TOLERANCES = (0.02, 0.05, 0.1)
-SURFACES = {
-    kind: Receivers(whole.normals[::4], whole.openings[::4], whole.opening_radius_rad)
-    for kind, whole in standard_receivers().items()
-    if kind != "open"
-}
+
+
+def occluded_surfaces(step):
+    """Return every so many of the standard surfaces behind each kind of occluder."""
+    return {
+        kind: Receivers(whole.normals[::step], whole.openings[::step], whole.opening_radius_rad)
+        for kind, whole in standard_receivers().items()
+        if kind != "open"
+    }
+
+
+SURFACES = occluded_surfaces(4)
 
 
 def in_the_first_frame(sequence, rows=64):
@@ -60,34 +66,34 @@ def made_maps():
     ]
 
 
-def true_light(view):
-    return {kind: received_from_map(surfaces, view) for kind, surfaces in SURFACES.items()}
+def true_light(view, surfaces=SURFACES):
+    return {kind: received_from_map(of_kind, view) for kind, of_kind in surfaces.items()}
 
 
-def real_error(lights, true):
-    """Return the error behind occluders, of every fourth of the standard surfaces."""
+def real_error(lights, true, surfaces=SURFACES):
+    """Return the error behind occluders."""
     return behind_occluders(
         {
-            kind: relative_rms(received(SURFACES[kind], lights), light)
+            kind: relative_rms(received(surfaces[kind], lights), light)
             for kind, light in true.items()
         }
     )
 
 
-def met(views):
+def met(views, surfaces=SURFACES):
     """Return whether the error of each map at each tolerance is met, and was by 2/3 of the lights.
 
     The second is false where the count is within 1.5 times the smallest that meets the tolerance.
     """
     is_met, was_met = [], []
     for view in views:
-        true = true_light(view)
+        true = true_light(view, surfaces)
         for tolerance in TOLERANCES:
             lights = reduce_to_lights(view, 512, error=tolerance)
-            is_met.append(real_error(lights, true) <= tolerance)
+            is_met.append(real_error(lights, true, surfaces) <= tolerance)
             fewer = int(np.ceil(len(lights) / 1.5)) - 1
             was_met.append(
-                fewer > 0 and real_error(reduce_to_lights(view, fewer), true) <= tolerance
+                fewer > 0 and real_error(reduce_to_lights(view, fewer), true, surfaces) <= tolerance
             )
     return np.array(is_met), np.array(was_met)
 
@@ -125,18 +131,26 @@ def test_a_constant_map_needs_no_light():
 
 
 @pytest.mark.data
+@pytest.mark.slow
 def test_errors_are_met_on_captured_maps_held_out():
-    files = sorted(p for p in DATA.glob("env-*/*") if p.suffix in (".exr", ".hdr"))
-    if not files:
+    maps = captured_maps()
+    if not maps:
         pytest.skip(f"no captured maps under {DATA}")
     views = []
-    for path in files:
-        try:
-            view = read_environment(path)[0]
-        except InputError:
-            continue  # a cube, or a picture of something else
-        blocks = coarsened(block_sums(view.radiance), 128)
-        if len(blocks) == 128 and blocks[..., 0].any():
-            views.append(environment(blocks[..., 4:] / solid_angles(128)[:, None, None]))
-    is_met, _ = met(views[2::3])
-    assert is_met.mean() >= 0.85
+    for name in held_out(list(maps)):
+        blocks = coarsened(block_sums(maps[name].radiance), 256)
+        views.append(environment(blocks[..., 4:] / solid_angles(256)[:, None, None]))
+    is_met, was_met = met(views, occluded_surfaces(1))
+    assert is_met.mean() >= 0.95
+    assert was_met.mean() <= 0.1
+
+
+def test_lights_are_given_up_only_when_far_fewer_would_do():
+    errors = 1 / np.arange(1, 41)
+    memory = SimpleNamespace(tree=SimpleNamespace(leaves=lambda: np.arange(20)))
+    # n lights err by 1/(n + 1); 16 are more than 3/4 of the 20 that there were, 15 are not.
+    assert adaptive._fewest(errors, 1 / 16.5, None) == 16
+    assert adaptive._fewest(errors, 1 / 16.5, memory) == 20
+    assert adaptive._fewest(errors, 1 / 15.5, memory) == 15
+    # Nor are as many kept as no longer do.
+    assert adaptive._fewest(errors, 1 / 30.5, memory) == 30
