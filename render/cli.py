@@ -4,5 +4,6 @@ COMMANDS: tuple[tuple[str, str], ...] = (
     ("render.render_cli:render", "render"),
     ("render.replay_cli:replay_command", "replay"),
     ("render.live_cli:live", "live"),
+    ("render.follow_cli:follow_command", "follow"),
     ("render.doctor_cli:doctor", "doctor"),
 )

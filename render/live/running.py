@@ -81,7 +81,7 @@ class Stop:
         return self._event.wait(duration_s)
 
 
-class _Missing(FishlightError):
+class Missing(FishlightError):
     """What a session lacks, and the state that says so."""
 
     def __init__(self, name: StateName, error: FishlightError) -> None:
@@ -119,7 +119,7 @@ def run_live(
         while True:
             try:
                 counters = _run_once(request, desk, picture, stop)
-            except _Missing as missing:
+            except Missing as missing:
                 if not is_patient:
                     raise
                 last = desk.newest
@@ -143,7 +143,7 @@ def _run_once(
             request.camera, exposures_s=exposures_s, mains_hz=request.mains_hz, once=request.once
         )
     except (InputError, CameraLost, CameraStalled) as error:
-        raise _Missing("no-camera", error) from error
+        raise Missing("no-camera", error) from error
     with opened as source:
         stop.hold(source)
         if isinstance(source, PacedRecording):
@@ -153,7 +153,7 @@ def _run_once(
             calibration = read_calibration(path)
             calibration.check_size(source.size_px, source.name)
         except InputError as error:
-            raise _Missing("calibration", error) from error
+            raise Missing("calibration", error) from error
         with Results(desk, request.output, source.name, source.sensor, path) as results:
             session = LiveSession(
                 desk, source, calibration, request.map_height, picture, results.look_at
@@ -161,7 +161,7 @@ def _run_once(
             try:
                 return session.run()
             except (CameraLost, CameraStalled) as error:
-                raise _Missing("no-camera", error) from error
+                raise Missing("no-camera", error) from error
 
 
 def _calibration_path(request: LiveRequest, source: Source) -> Path:

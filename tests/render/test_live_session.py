@@ -1,0 +1,323 @@
+"""A live session by itself: every bracket accounted for, every change shown, trouble told."""
+
+import time
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+
+from calibration.files import read_calibration
+from capture.errors import CameraLost, UnreadableFrame
+from capture.frame import Bracket
+from capture.recording import open_recording
+from capture.reopening import CameraAway
+from capture.v4l2.camera import CameraRequest
+from lighting.light_files import read_lights
+from lighting.maps.environment_files import read_environment
+from render.live import running
+from render.live.desk import Desk
+from render.live.models import load_models
+from render.live.results import Results
+from render.live.running import LiveRequest, Stop, run_live
+from render.live.session import LiveSession
+from render.live.settings import Settings
+from tests.render.live_recording import make_recording
+
+MODELS = load_models(())
+
+
+class Source:
+    """A recording's brackets as they can be taken, or what stands in the place of some.
+
+    `before` is called with the number of each, when the one before it was done with.
+    """
+
+    name = "simulated"
+    reopened_count = 0
+
+    def __init__(self, recording, count, before, instead):
+        self.size_px, self.sensor = recording.size_px, recording.sensor
+        self.done = 0
+        self._recording, self._count = recording, count
+        self._before, self._instead = before, instead
+
+    def __iter__(self):
+        for number in range(self._count):
+            while self.done < number:
+                time.sleep(0.001)
+            self._before(number)
+            if number in self._instead:
+                self.done += 1
+                yield self._instead[number]
+                continue
+            bracket = self._recording.read_bracket(number % len(self._recording))
+            now_s = time.monotonic()
+            frames = tuple(replace(frame, timestamp_s=now_s) for frame in bracket.frames)
+            yield Bracket(frames, number)
+
+
+@dataclass
+class Drawer:
+    """Draws white, and remembers what of."""
+
+    gl: str = "none"
+    is_draft: bool = False
+    asked: list = field(default_factory=list)
+
+    def render(self, settings, lights, background):
+        self.asked.append((settings, lights, background))
+        return np.ones((2, 2, 4), np.float32)
+
+
+@dataclass
+class Ran:
+    counters: object
+    moments: list
+    drawn: list
+    desk: Desk
+
+    @property
+    def states(self):
+        return [moment.state.name for moment in self.moments]
+
+
+def run(recording, count=6, *, before=None, instead=None, settings=None, watched=True, work=None):
+    """Return what came of a session of `count` brackets; `before` takes the desk and a number."""
+    desk = Desk(settings or Settings(count=20), MODELS)
+    desk.is_watched = watched
+    moments = {}
+    desk.listen(lambda: desk.newest and moments.setdefault(desk.newest.number, desk.newest))
+    act = before or (lambda _desk, _number: None)
+    source = Source(recording, count, lambda number: act(desk, number), instead or {})
+    drawer = Drawer()
+
+    def done(bracket, seen):
+        if work is not None:
+            work(desk, bracket, seen)
+        source.done += 1
+
+    calibration = read_calibration(recording.calibration_path)
+    counters = LiveSession(desk, source, calibration, 32, drawer, done).run()
+    return Ran(counters, list(moments.values()), drawer.asked, desk)
+
+
+@pytest.fixture
+def recording(tmp_path):
+    return make_recording(tmp_path / "r")
+
+
+def test_every_bracket_is_published_and_counted(recording):
+    ran = run(recording)
+    assert (ran.counters.captured, ran.counters.replaced, ran.counters.rendered) == (6, 0, 6)
+    assert ran.states == ["running"] * 6 + ["ended"]
+    account = ran.moments[-1].account
+    assert account["counters"]["rendered"] == 6
+    assert {"merge", "remap", "blocks", "lights", "render"} < set(account["times_ms"])
+    assert account["latency_ms"] > 0
+
+
+def test_where_nobody_watches_nothing_is_drawn(recording):
+    ran = run(recording, watched=False)
+    assert ran.drawn == []
+    assert ran.moments[0].seen.environment is None
+    assert len(ran.moments[0].seen.lights) > 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "is_shown"),
+    [
+        ({"count": 5}, lambda seen, _: len(seen.lights) == 5),
+        ({"method": "median-cut"}, lambda seen, _: "median-cut" in seen.lights.source),
+        ({"method": "inverse-cdf"}, lambda seen, _: "inverse-cdf" in seen.lights.source),
+        ({"is_auto": True, "error": 0.5}, lambda seen, _: len(seen.lights) < 20),
+        ({"view_ev": -3.0}, lambda seen, _: seen.view_ev == -3.0),
+        ({"is_background": False}, lambda _, asked: asked[2] is None),
+        ({"model": "ring"}, lambda _, asked: asked[0].model == "ring"),
+        ({"azimuth_rad": 1.0}, lambda _, asked: asked[0].azimuth_rad == 1.0),
+    ],
+)
+def test_a_change_is_seen_in_the_next_frame(recording, changes, is_shown):
+    ran = run(recording, before=lambda desk, number: number == 3 and desk.change(changes))
+    seen = [moment.seen for moment in ran.moments[:-1]]
+    shown = [is_shown(*pair) for pair in zip(seen, ran.drawn, strict=True)]
+    assert shown == [False] * 3 + [True] * 3
+
+
+def test_a_turn_of_the_light_turns_lights_and_map(recording):
+    still = run(recording, 1)
+    turned = run(recording, 1, settings=Settings(count=20, yaw_rad=np.pi / 2))
+    x, y, z = still.moments[0].seen.lights.directions.T
+    np.testing.assert_allclose(
+        turned.moments[0].seen.lights.directions, np.stack([z, y, -x], axis=1), atol=1e-12
+    )
+    # A quarter of the map's 64 columns to the left, where +X is.
+    np.testing.assert_array_equal(
+        turned.moments[0].seen.environment.radiance,
+        np.roll(still.moments[0].seen.environment.radiance, -16, axis=1),
+    )
+
+
+def test_frozen_light_stays_and_is_still_reduced_anew(recording):
+    def before(desk, number):
+        if number == 2:
+            desk.change({"is_frozen": True, "is_steady": False})
+        if number == 4:
+            desk.change({"count": 7})
+
+    ran = run(recording, 8, before=before)
+    maps = [moment.seen.environment.radiance for moment in ran.moments[:-1]]
+    assert [np.array_equal(maps[2], each) for each in maps[2:]] == [True] * 6
+    assert not np.array_equal(maps[1], maps[2])
+    assert len(ran.moments[4].seen.lights) == 7
+    assert ran.counters.rendered == 8
+
+
+def test_a_damaged_bracket_is_counted_and_passed_over(recording):
+
+    def before(_desk, number):
+        if number == 2:
+            time.sleep(0.05)  # until it was told: the next bracket would take its place
+
+    ran = run(recording, 4, before=before, instead={1: UnreadableFrame("damaged")})
+    assert ran.states == ["running"] * 3 + ["ended"]
+    assert (ran.counters.failed, ran.counters.rendered) == (1, 3)
+
+
+def test_while_the_camera_is_away_the_last_lights_stay_and_age(recording):
+    away = CameraAway("/dev/video0: the last bracket is 3 s old; unplugged", 3.0)
+
+    def before(_desk, number):
+        if number == 3:
+            time.sleep(0.05)
+
+    ran = run(recording, 4, before=before, instead={2: away})
+    assert ran.states == ["running", "running", "away", "running", "ended"]
+    assert ran.moments[2].seen is ran.moments[1].seen
+    assert ran.moments[2].age_s > ran.moments[1].age_s
+    assert "unplugged" in ran.moments[2].state.message
+
+
+def test_all_clipped_is_a_state_and_so_is_darkness(tmp_path):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    assert run(make_recording(tmp_path / "a/r", level=255), 1).states[0] == "clipped"
+    dark = make_recording(tmp_path / "b/r", level=0, lamp=False)
+    assert run(dark, 1).states[0] == "dark"
+
+
+def test_the_camera_s_picture_shows_what_is_unseen(recording):
+    camera = run(recording, 1).moments[0].seen.camera
+    assert camera.size_px == (64, 48)
+    assert camera.valid[24, 32]
+    assert not camera.valid[0, 0], "beyond the valid angle"
+
+
+def test_snapshot_export_and_recording_can_be_read_again(recording, tmp_path):
+    output = tmp_path / "results"
+
+    def before(desk, number):
+        for request in {1: ("snapshot", "export-usda", "record"), 4: ("record",)}.get(number, ()):
+            desk.ask(request)
+
+    results = []
+
+    def work(desk, bracket, seen):
+        if not results:
+            results.append(
+                Results(desk, output, "cam", recording.sensor, recording.calibration_path)
+            )
+        results[0].look_at(bracket, seen)
+        results[0]._thread.submit(lambda: None).result()  # what was asked for is done
+
+    ran = run(recording, 6, before=before, work=work)
+    with results[0]:
+        pass
+    assert not ran.desk.notice.is_error
+    lights = read_lights(output / "snapshot-0001.json")
+    np.testing.assert_array_equal(lights.directions, ran.moments[1].seen.lights.directions)
+    environment, _ = read_environment(output / "snapshot-0001.exr")
+    np.testing.assert_array_equal(environment.radiance, ran.moments[1].seen.environment.radiance)
+    assert (output / "snapshot-0001.png").is_file()
+    assert (output / "lights-0001.usda").is_file()
+    recorded = open_recording(output / "recording-0001")
+    counts = [frame.counts for bracket in recorded for frame in bracket.frames]
+    original = [
+        recording.read_bracket(number % 3).frames for number in (2, 3)
+    ]  # from the next one on
+    expected = [frame.counts for frames in original for frame in frames]
+    np.testing.assert_array_equal(counts, expected)
+    assert not ran.desk.is_recording
+
+
+def test_a_result_that_cannot_be_written_is_told_and_the_session_goes_on(recording, tmp_path):
+    (tmp_path / "file").write_text("")
+    desk = Desk(Settings(), MODELS)
+    seen = run(recording, 1).moments[0].seen
+    desk.ask("snapshot")
+    with Results(
+        desk, tmp_path / "file/x", "", recording.sensor, recording.calibration_path
+    ) as results:
+        results.look_at(recording.read_bracket(0), seen)
+    assert desk.notice.is_error
+    assert desk.notice.text.startswith("snapshot: ")
+
+
+def live_request(device, calibration=None):
+    return LiveRequest(
+        CameraRequest(str(device)), calibration, None, True, 32, (32, 24), device / "out"
+    )
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("is_patient", [True, False])
+def test_what_is_missing_is_waited_for_or_refused(recording, monkeypatch, is_patient):
+    """First there is no calibration, and then there is."""
+    monkeypatch.setattr(running, "RETRY_S", 0.01)
+    calibration = recording.folder.parent / "later.json"
+    desk = Desk(Settings(), MODELS)
+    states = []
+
+    def listen():
+        if desk.newest is None or states[-1:] == [desk.newest.state.name]:
+            return
+        states.append(desk.newest.state.name)
+        if states[-1] == "calibration":
+            calibration.write_bytes(recording.calibration_path.read_bytes())
+
+    desk.listen(listen)
+    request = live_request(recording.folder, calibration)
+    if not is_patient:
+        with pytest.raises(running.Missing, match=r"later\.json"):
+            run_live(request, desk, Stop(), is_patient=False)
+        return
+    counters = run_live(request, desk, Stop(), is_patient=True)
+    assert states == ["starting", "calibration", "running", "ended"]
+    assert counters.captured == counters.replaced + counters.rendered == 3
+
+
+@pytest.mark.gl
+def test_a_calibration_for_another_size_and_a_camera_that_is_not_there_are_states(
+    recording, tmp_path
+):
+    text = recording.calibration_path.read_text()
+    other = tmp_path / "other.json"
+    other.write_text(text.replace("[64,48]", "[32,24]").replace("[64, 48]", "[32, 24]"))
+    for request, name in (
+        (live_request(recording.folder, other), "calibration"),
+        (live_request(tmp_path / "nothing"), "no-camera"),
+    ):
+        desk, stop = Desk(Settings(), MODELS), Stop()
+        desk.listen(
+            lambda desk=desk, stop=stop, name=name: desk.newest.state.name == name and stop.set()
+        )
+        run_live(request, desk, stop, is_patient=True)
+        assert desk.newest.state.name == name
+
+
+def test_a_lost_camera_ends_the_session_with_its_error(recording):
+    def lost(_desk, number):
+        if number == 2:
+            raise CameraLost("gone for good")
+
+    with pytest.raises(CameraLost, match="gone for good"):
+        run(recording, before=lost)
