@@ -41,14 +41,12 @@ _FREE_FIRST = Free(np.array([True] * 4 + [False] * 4))
 
 def first_solution(corners: Corners, size_px: tuple[int, int]) -> Adjusted:
     """Return the best of several adjusted Kannala-Brandt lenses, with fx and fy apart."""
-    hypotheses = sorted(_hypotheses(corners, size_px), key=lambda each: each[0])
+    hypotheses = sorted(hypotheses(corners, size_px), key=lambda each: each[0])
     tried = [_adjusted(corners, model) for _, model in hypotheses[:_TRIED]]
     return min(tried, key=lambda each: typical_px(each.residuals_px))
 
 
-def _hypotheses(
-    corners: Corners, size_px: tuple[int, int]
-) -> Iterator[tuple[float, KannalaBrandt]]:
+def hypotheses(corners: Corners, size_px: tuple[int, int]) -> Iterator[tuple[float, KannalaBrandt]]:
     """Yield lenses, each after about how far in pixels it misses the corners."""
     size = np.array(size_px, np.float64)
     for offset in itertools.product(_CENTRE_OFFSETS, _CENTRE_OFFSETS):

@@ -9,7 +9,7 @@ from calibration.lens.adjust import Free, Solution, adjust
 from calibration.lens.corners import WARP_DEGREES, Corners, gather
 from calibration.lens.poses import poses_from_directions
 from calibration.lens.robust import fit_robustly
-from calibration.lens.start import first_solution
+from calibration.lens.start import first_solution, hypotheses
 from calibration.models.kannala_brandt import KannalaBrandt
 from calibration.models.parameters import parameters, with_parameters
 from tests.calibration.simulated_views import BOARD, simulated_views
@@ -120,3 +120,30 @@ def test_any_ten_views_start_the_lens_from_nothing(seed: int) -> None:
     assert np.median(residual) < 0.2
     seen = RAYS / np.linalg.norm(RAYS, axis=1, keepdims=True)
     np.testing.assert_allclose(start.solution.model.project(seen)[0], LENS.project(seen)[0], atol=6)
+
+
+@pytest.mark.parametrize(
+    ("rim_deg", "offset", "k1", "k2"),
+    [
+        (40, (0.0, 0.0), 0.0, 0.0),
+        (80, (0.15, -0.15), -1 / 24, 1 / 1920),
+        (110, (0.0, 0.15), 1 / 12, 1 / 120),
+    ],
+)
+def test_the_search_starts_from_the_lens_that_is_most_alike(
+    rim_deg: int, offset: tuple[float, float], k1: float, k2: float
+) -> None:
+    """The adjustment forgives a far start; this is what the many are for."""
+    angle = np.deg2rad(rim_deg)
+    focal = 500 / (angle * (1 + k1 * angle**2 + k2 * angle**4))
+    centre = (1199 / 2 + offset[0] * 1200, 1199 / 2 + offset[1] * 1200)
+    lens = KannalaBrandt(centre, focal, k1, k2)
+    random = np.random.default_rng(rim_deg)
+    board = replace(BOARD, square_m=0.01) if rim_deg < 45 else BOARD
+    views = simulated_views(
+        lens, SIZE_PX, 6, random, board=board, most_angle_rad=angle, most_tilt_rad=0.6
+    )
+    _, found = min(hypotheses(gather(board, views), SIZE_PX), key=lambda each: each[0])
+    assert found.centre_px == pytest.approx(centre, abs=1)
+    assert (found.k1, found.k2) == (k1, k2)
+    assert np.mean(found.focal_px) == pytest.approx(focal, rel=0.12)
