@@ -249,10 +249,7 @@ def _linearised(corners: Corners, solution: Solution, free: Free, soft_px: float
 
 
 def _stepped(
-    solution: Solution,
-    equations: _Equations,
-    free: Free,
-    damping: float,
+    solution: Solution, equations: _Equations, free: Free, damping: float
 ) -> Solution | None:
     """Return the solution after one damped step; None where no such lens can be."""
     own, shared = _damped(equations.own, damping), _damped(equations.shared.sum(axis=0), damping)
