@@ -111,7 +111,10 @@ def _read_bracket(
 ) -> tuple[Bracket, Sensor, tuple[str, ...]]:
     if not sources:
         raise InputError("nothing to merge: name a recording, photographs or a folder of them")
-    if len(sources) > 1 or not (sources[0] / MANIFEST_NAME).is_file():
+    recordings = [path for path in sources if (path / MANIFEST_NAME).is_file()]
+    if recordings and len(sources) > 1:
+        raise InputError(f"{recordings[0]} is a recording; it is merged alone")
+    if not recordings:
         return read_photo_bracket(sources, exposures_s, position, measured)
     recording = open_recording(sources[0])
     if exposures_s is not None:

@@ -27,7 +27,12 @@ from capture.errors import InputError, UnreadableFrame
 from capture.exposure_choice import ExposureChooser
 from capture.frame import Bracket
 from capture.manifest import DeviceRecord
-from capture.recording_writer import RecordingWriter, create_recording, replaces_recording
+from capture.recording_writer import (
+    RecordingWriter,
+    create_recording,
+    read_calibration_bytes,
+    replaces_recording,
+)
 from capture.reopening import CameraAway, Open, ReopeningCamera
 from capture.v4l2.camera import BracketCamera, CameraFrame, CameraRequest, open_camera
 
@@ -127,6 +132,8 @@ def record(
         readable.
     """
     replaces_recording(folder, force=force)  # refused before the camera is opened
+    if calibration is not None:
+        read_calibration_bytes(calibration)
     recorded = Recorded()
     with ReopeningCamera(request, stopped, open_camera) as camera:
         first = camera.first

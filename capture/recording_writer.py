@@ -76,7 +76,7 @@ def create_recording(
         If `folder` exists and may not be replaced, or the calibration is not a JSON object.
     """
     folder = folder.resolve()
-    copied = None if calibration is None else _calibration_bytes(calibration)
+    copied = None if calibration is None else read_calibration_bytes(calibration)
     replaced = replaces_recording(folder, force=force)
     target = folder
     try:
@@ -322,7 +322,8 @@ class RecordingWriter:
         shutil.rmtree(older)
 
 
-def _calibration_bytes(path: Path) -> bytes:
+def read_calibration_bytes(path: Path) -> bytes:
+    """Return what a recording takes over as its calibration; InputError if no JSON object."""
     data = read_bytes(path)
     try:
         msgspec.json.decode(data, type=dict[str, msgspec.Raw])

@@ -108,6 +108,13 @@ def test_a_response_of_radiance_is_refused(tmp_path, response):
             run("merge", source, "-o", tmp_path / "b.exr", "--response", response)
 
 
+def test_a_recording_is_merged_alone(tmp_path):
+    recording = recorded(tmp_path / "r", hand_held(scene(), STILL, SRGB_8_BIT), SRGB_8_BIT)
+    for sources in ((recording, tmp_path / "a.jpg"), (tmp_path / "a.jpg", recording)):
+        with pytest.raises(InputError, match="r is a recording; it is merged alone"):
+            run("merge", *sources, "-o", tmp_path / "a.exr")
+
+
 def test_a_response_of_other_counts_is_refused(tmp_path, response):
     bracket = hand_held(scene(), STILL, LINEAR_16_BIT)
     recorded(tmp_path / "r", bracket, LINEAR_16_BIT)

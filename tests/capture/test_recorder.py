@@ -267,6 +267,12 @@ def test_an_older_recording_is_refused_before_the_camera_is_opened(tmp_path, por
     assert len(open_recording(tmp_path / "r")) == 4
 
 
+def test_a_calibration_that_cannot_be_used_is_refused_before_the_camera_is_opened(tmp_path, port):
+    with pytest.raises(InputError, match=r"none\.json"):
+        recorded(port, tmp_path / "r", calibration=tmp_path / "none.json")
+    assert port.open_count == 0
+
+
 @pytest.mark.parametrize("limit", [1500, 2500])
 def test_a_disk_that_fills_up_leaves_a_readable_recording(tmp_path, port, limit):
     # A limit on the size of a file fails as a full disk does: with a part of a write, then none.
