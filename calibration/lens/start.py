@@ -41,8 +41,8 @@ _FREE_FIRST = Free(np.array([True] * 4 + [False] * 4))
 
 def first_solution(corners: Corners, size_px: tuple[int, int]) -> Adjusted:
     """Return the best of several adjusted Kannala-Brandt lenses, with fx and fy apart."""
-    hypotheses = sorted(hypotheses(corners, size_px), key=lambda each: each[0])
-    tried = [_adjusted(corners, model) for _, model in hypotheses[:_TRIED]]
+    ranked = sorted(hypotheses(corners, size_px), key=lambda each: each[0])
+    tried = [_adjusted(corners, model) for _, model in ranked[:_TRIED]]
     return min(tried, key=lambda each: typical_px(each.residuals_px))
 
 
