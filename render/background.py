@@ -36,15 +36,46 @@ def look_up(
     out: NDArray[np.float32],
 ) -> None:  # pragma: no cover - compiled
     """Set `samples` (S,) of `out` to a map (N, 2N, 3) at (S, 2) as `map_coordinates` gives them."""
-    rows, columns = radiance.shape[:2]
     for i in prange(len(at)):
-        x = at[i, 0] * columns - np.float32(0.5)
-        y = min(max(at[i, 1] * rows - np.float32(0.5), np.float32(0)), np.float32(rows - 1))
-        column, row = int(np.floor(x)), min(int(y), rows - 2)
-        right, down = x - np.float32(column), y - np.float32(row)
-        left = column % columns
-        beside = (column + 1) % columns
         for c in range(3):
-            above = (1 - right) * radiance[row, left, c] + right * radiance[row, beside, c]
-            below = (1 - right) * radiance[row + 1, left, c] + right * radiance[row + 1, beside, c]
-            out[samples[i], c] = (1 - down) * above + down * below
+            out[samples[i], c] = _bilinear(radiance, at[i], c)
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def look_through(
+    radiance: NDArray[np.float32],
+    at: NDArray[np.float32],
+    samples: NDArray[np.int64],
+    unshaded: NDArray[np.float32],
+    out: NDArray[np.float32],
+) -> None:  # pragma: no cover - compiled
+    """Set samples of a ground to what the map shows there, in the shadow that they are in.
+
+    A matt ground, `unshaded` (3,) where nothing stands on it, is replaced by one that has the map's
+    radiance there: the ratio of the two holds for any reflectance [1]_.
+
+    References
+    ----------
+    .. [1] P. Debevec, "Rendering Synthetic Objects into Real Scenes", SIGGRAPH 1998, section 6:
+           its difference of two pictures, with the albedo that makes the second one the photograph.
+    """
+    for i in prange(len(at)):
+        for c in range(3):
+            shade = out[samples[i], c] / unshaded[c] if unshaded[c] > 0 else np.float32(1)
+            out[samples[i], c] = shade * _bilinear(radiance, at[i], c)
+
+
+@njit(nogil=True)
+def _bilinear(
+    radiance: NDArray[np.float32], at: NDArray[np.float32], c: int
+) -> np.float32:  # pragma: no cover - compiled
+    rows, columns = radiance.shape[:2]
+    x = at[0] * columns - np.float32(0.5)
+    y = min(max(at[1] * rows - np.float32(0.5), np.float32(0)), np.float32(rows - 1))
+    column, row = int(np.floor(x)), min(int(y), rows - 2)
+    right, down = x - np.float32(column), y - np.float32(row)
+    left = column % columns
+    beside = (column + 1) % columns
+    above = (1 - right) * radiance[row, left, c] + right * radiance[row, beside, c]
+    below = (1 - right) * radiance[row + 1, left, c] + right * radiance[row + 1, beside, c]
+    return np.float32((1 - down) * above + down * below)

@@ -24,7 +24,7 @@ from lighting.export.residual import remove_lights
 from lighting.light_set import LightSet
 from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from lighting.sphere import harmonics
-from render.background import look_up, map_coordinates, picture_rays
+from render.background import look_through, look_up, map_coordinates, picture_rays
 from render.casters import gather_casters
 from render.direction_cells import (
     direction_cells,
@@ -38,7 +38,7 @@ from render.light_map import map_of_lights
 from render.map_pyramid import MapPyramid, map_pyramid
 from render.reaching_lights import reaching_lights
 from render.scene import Camera, Scene
-from render.surface_samples import surface_samples
+from render.surface_samples import mirror_tint, surface_samples
 from render.transport_kernel import TILE, add_transported, place, trace_transport
 
 Array = NDArray[np.float64]
@@ -88,7 +88,6 @@ class BakedRenderer:
         self._sphere = np.array([*casters.centre, casters.radius_m], np.float32)
 
         seen = surface_samples(context, scene, camera, (width, height), casters.radius_m)
-        self._hit = seen.hit.astype(np.float32)
         self._samples, self._surface, self._matt = seen.samples, seen.surface, seen.matt
         self._f0, self._f90 = seen.f0, seen.f90
         self._roughest = self._surface[:, 12].max(axis=1)
@@ -106,10 +105,10 @@ class BakedRenderer:
         )
         self._narrow: list[_Narrow] = []
 
-        unseen = np.flatnonzero(~seen.hit.ravel())
-        self._unseen = unseen
-        rays = picture_rays(camera, (width, height)).reshape(-1, 3)[unseen]
-        self._unseen_at = map_coordinates(rays)
+        rays = picture_rays(camera, (width, height)).reshape(-1, 3)
+        self._unseen, self._ground = np.flatnonzero(~seen.hit), np.flatnonzero(seen.ground)
+        self._unseen_at = map_coordinates(rays[self._unseen])
+        self._ground_at = map_coordinates(rays[self._ground])
 
     def __enter__(self) -> Self:
         return self
@@ -127,11 +126,16 @@ class BakedRenderer:
         self._occluders.release()
 
     def render(
-        self, lights: LightSet, background: EnvironmentMap | None = None
+        self,
+        lights: LightSet,
+        background: EnvironmentMap | None = None,
+        *,
+        through_ground: bool = False,
     ) -> NDArray[np.float32]:
         """Return the picture under `lights`, as `Renderer.render` does.
 
-        Mirrors show the background too; without one, the lights.
+        Mirrors show the background too; without one, the lights. With `through_ground` the ground
+        shows what the background does there and carries shadows: objects stand in the room.
         """
         directions, irradiance, radius_rad = reaching_lights(lights, self._scene)
         narrow = self._narrow_lights(irradiance, radius_rad)
@@ -152,10 +156,11 @@ class BakedRenderer:
         self._remember(directions[narrow], irradiance[narrow], radius_rad[narrow], mirrored[narrow])
         for each in self._narrow:
             each.transport.add(each.irradiance[None], each.mirrored[None], picture)
-        self._reflect(pyramid, self._ground(light, directions[narrow], irradiance[narrow]), picture)
-        return self._assembled(picture, background)
+        ground = self._unshaded(light, directions[narrow], irradiance[narrow])
+        self._reflect(pyramid, None if through_ground else ground, picture)
+        return self._assembled(picture, background, ground if through_ground else None)
 
-    def _ground(self, light: Array, directions: Array, irradiance: Array) -> NDArray[np.float32]:
+    def _unshaded(self, light: Array, directions: Array, irradiance: Array) -> NDArray[np.float32]:
         """Return the radiance (3,) of the ground where nothing shades it."""
         if self._scene.ground is None:
             return np.zeros(3, np.float32)
@@ -163,7 +168,7 @@ class BakedRenderer:
         return (upward * self._scene.ground.reflectance / np.pi).astype(np.float32)
 
     def _reflect(
-        self, pyramid: MapPyramid, ground: NDArray[np.float32], picture: NDArray[np.float32]
+        self, pyramid: MapPyramid, ground: NDArray[np.float32] | None, picture: NDArray[np.float32]
     ) -> None:
         """Add what samples mirror of a map and the ground to `picture` (tiles, 3, TILE)."""
         if len(self._mirroring) == 0:
@@ -205,7 +210,7 @@ class BakedRenderer:
             mirror_step,
         )
         matt_scale = self._matt * matt_step[:, None]
-        mirror_scale = _tint(self._f0[mirroring]) * mirror_step[:, None]
+        mirror_scale = mirror_tint(self._f0[mirroring]) * mirror_step[:, None]
         return _Transport(matt, matt_scale, mirroring, mirror, mirror_scale)
 
     def _narrow_lights(self, irradiance: Array, radius_rad: Array) -> NDArray[np.bool_]:
@@ -238,13 +243,19 @@ class BakedRenderer:
             self._narrow.append(replace(found, irradiance=power, mirrored=reflected))
 
     def _assembled(
-        self, picture: NDArray[np.float32], background: EnvironmentMap | None
+        self,
+        picture: NDArray[np.float32],
+        background: EnvironmentMap | None,
+        unshaded: NDArray[np.float32] | None,
     ) -> NDArray[np.float32]:
         height, width = self._shape
         out = np.zeros((height * width, 4), np.float32)
         place(picture, self._samples, out)
         if background is not None:
-            look_up(np.ascontiguousarray(background.radiance), self._unseen_at, self._unseen, out)
+            radiance = np.ascontiguousarray(background.radiance)
+            look_up(radiance, self._unseen_at, self._unseen, out)
+            if unshaded is not None:
+                look_through(radiance, self._ground_at, self._ground, unshaded, out)
         n = self._samples_per_axis
         samples = out.reshape(height // n, n, width // n, n, 4)
         return samples[:, 0, :, 0] if n == 1 else samples.mean(axis=(1, 3), dtype=np.float32)
@@ -289,9 +300,3 @@ class _Narrow:
         """Whether a light is so like this one that its transport serves."""
         chord = float(np.linalg.norm(direction - self.direction))
         return chord < still_rad and abs(radius_rad - self.radius_rad) < still_rad
-
-
-def _tint(f0: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the colour (tiles, 3, TILE) of mirror reflections, with luminance 1."""
-    luminance = np.einsum("tcs,c->ts", f0, LUMINANCE_WEIGHTS.astype(np.float32))[:, None]
-    return np.divide(f0, luminance, out=np.zeros_like(f0), where=luminance > 0)

@@ -87,7 +87,7 @@ def add_reflections(
     f0: _FLOATS,
     f90: _FLOATS,
     pyramid: MapPyramid,
-    ground: _FLOATS,
+    ground: _FLOATS | None,
     picture: _FLOATS,
 ) -> None:
     """Add what samples mirror to `picture` (tiles, 3, TILE).
@@ -97,10 +97,11 @@ def add_reflections(
     f0, f90 : (tiles, 3, TILE), (tiles, TILE) float32
         Share of light reflected at normal and at grazing incidence.
     pyramid : MapPyramid
-    ground : (3,) float32
-        Radiance of the ground.
+    ground : (3,) float32 or None
+        Radiance of the ground; what the map shows there if None.
     """
-    _look_up(gloss.rays, gloss.met, f0, f90, pyramid.cells, pyramid.starts, ground, picture)
+    radiance = np.full(3, np.nan, np.float32) if ground is None else ground
+    _look_up(gloss.rays, gloss.met, f0, f90, pyramid.cells, pyramid.starts, radiance, picture)
 
 
 @njit(cache=True, nogil=True, parallel=True)
@@ -222,7 +223,7 @@ def _look_up(
                     continue
                 facing, grazing = rays[tile, r, 3, i], rays[tile, r, 4, i] * f90[tile, i]
                 red, green, blue = ground[0], ground[1], ground[2]
-                if kind == _TO_SKY:
+                if kind == _TO_SKY or math.isnan(red):
                     u, v, width = rays[tile, r, 0, i], rays[tile, r, 1, i], rays[tile, r, 2, i]
                     red, green, blue = mean_around(levels, starts, u, v, width)
                 picture[tile, 0, i] += (facing * f0[tile, 0, i] + grazing) * red

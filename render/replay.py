@@ -89,6 +89,7 @@ def replay(
     camera: Camera,
     map_height: int = 512,
     calibration_path: Path | None = None,
+    through_ground: bool = False,
     force: bool = False,
 ) -> ReplaySummary:
     """Take every bracket of a recording to a map, lights and a picture in `output`.
@@ -107,6 +108,8 @@ def replay(
         Rows N of the N × 2N maps.
     calibration_path : Path or None
         Calibration to use instead of the recording's own.
+    through_ground : bool
+        Show the map through the ground, which then only carries shadows.
     force : bool
         Replace the results of an earlier replay in `output`.
 
@@ -165,7 +168,7 @@ def replay(
                 predicted_errors.append(lights.predicted_error)
             clipped_count += bool(view.clipped.any())
             with clock.stage("render"):
-                radiance = renderer.render(lights, environment)
+                radiance = renderer.render(lights, environment, through_ground=through_ground)
             counters.rendered += 1
             took_ms = clock.frames[-1]["lights"] + clock.frames[-1]["render"]
             with clock.stage("write"):

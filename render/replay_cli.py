@@ -38,6 +38,7 @@ def replay_command(
     height: WholeNumber = 512,
     mesh: Path | None = None,
     size: str = "640x480",
+    mixed_reality: Annotated[bool, Parameter(negative="")] = False,
     calibration: Path | None = None,
     timings: Path | None = None,
     force: bool = False,
@@ -62,6 +63,9 @@ def replay_command(
         OBJ, glTF, GLB or PLY to render; a few objects that show the lights if not given.
     size
         Size of the pictures, WIDTHxHEIGHT.
+    mixed_reality
+        Stand the objects in the room: in place of the grey ground the floor that the camera saw
+        carries their shadows, and mirrors show it.
     calibration
         Calibration to use instead of the recording's own.
     timings
@@ -87,6 +91,7 @@ def replay_command(
         camera=camera,
         map_height=height,
         calibration_path=calibration,
+        through_ground=mixed_reality,
         force=force,
     )
     if timings is not None:

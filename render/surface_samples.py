@@ -26,7 +26,8 @@ class SurfaceSamples:
 
     Attributes
     ----------
-    hit : (H, W) bool
+    hit, ground : (H, W) bool
+        Which samples show anything, and which the ground.
     samples : (tiles, TILE) int64
         Index of each in the picture; the last tile is filled up with ones that another has too.
     surface : (tiles, 14, TILE) float32
@@ -40,6 +41,7 @@ class SurfaceSamples:
     """
 
     hit: NDArray[np.bool_]
+    ground: NDArray[np.bool_]
     samples: NDArray[np.int64]
     surface: _FLOATS
     matt: _FLOATS
@@ -63,7 +65,7 @@ def surface_samples(
     matt, f0 = (np.ascontiguousarray(each[..., :3].swapaxes(1, 2), np.float32) for each in colours)
     surface = _surface(values, camera, radius_m)
     f90 = np.ascontiguousarray(values["face_normal_f90"][..., 3])
-    return SurfaceSamples(hit, samples, surface, matt, f0, f90)
+    return SurfaceSamples(hit, _ground(seen, scene, radius_m), samples, surface, matt, f0, f90)
 
 
 def _read(
@@ -78,6 +80,17 @@ def _read(
     }
     gbuffer.release()
     return seen
+
+
+def _ground(seen: dict[str, _FLOATS], scene: Scene, radius_m: float) -> NDArray[np.bool_]:
+    """Return the samples (H, W) that show the ground: a level face at its height."""
+    position, upward = seen["position_hit"], seen["face_normal_f90"][..., 1]
+    if scene.ground is None:
+        return np.zeros(upward.shape, np.bool_)
+    off_m = np.abs(position[..., 1] - scene.ground.y_m)
+    far_m = np.linalg.norm(position[..., :3], axis=-1)
+    is_level = (off_m <= _OFFSET * np.maximum(far_m, radius_m)) & (upward > 0.999)
+    return (position[..., 3] > 0) & is_level
 
 
 def _in_tiles(hit: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -105,3 +118,9 @@ def _surface(values: dict[str, _FLOATS], camera: Camera, radius_m: float) -> _FL
     ]
     surface = np.concatenate(columns, axis=-1).swapaxes(1, 2)
     return np.ascontiguousarray(surface, np.float32)
+
+
+def mirror_tint(f0: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the colour (tiles, 3, TILE) of mirror reflections, with luminance 1."""
+    luminance = np.einsum("tcs,c->ts", f0, LUMINANCE_WEIGHTS.astype(np.float32))[:, None]
+    return np.divide(f0, luminance, out=np.zeros_like(f0), where=luminance > 0)

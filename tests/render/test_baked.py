@@ -9,6 +9,7 @@ import pytest
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from render import baked
+from render.background import look_up, map_coordinates, picture_rays
 from render.baked import BakedRenderer
 from render.default_scene import default_scene, sphere
 from render.renderer import Renderer
@@ -182,3 +183,26 @@ def test_coverage_background_and_samples_are_the_renderers(ctx):
     np.testing.assert_allclose(picture[unseen], expected[unseen], atol=2.5 / 256)
     assert picture.flags.c_contiguous
     assert picture.dtype == np.float32
+
+
+def test_through_the_ground_the_map_shows_in_the_shadows_of_the_objects(ctx):
+    camera = replace(CAMERA, size_px=(40, 30))
+    environment = whole_map(1 + np.random.default_rng(1).random((16, 32, 3), np.float32))
+    lights = one_light((0.6, 1.0, -0.3), angular_radius_rad=0.05)
+    lights = replace(lights, fill=uniform_fill(0.2))
+    with BakedRenderer(ctx, meshed(BALL), camera) as renderer:
+        grey = renderer.render(lights, environment)
+        mixed = renderer.render(lights, environment, through_ground=True)
+    with BakedRenderer(ctx, Scene((), BALL.ground), camera) as renderer:
+        without = renderer.render(lights, environment)
+        floor = renderer.render(lights, environment, through_ground=True)
+    ball = np.abs(mixed - grey).max(axis=-1) == 0
+    assert 0.05 < ball.mean() < 0.5
+    # Nothing on it: the floor is the map. Else it is darker by as much as the grey ground is.
+    expected = np.zeros((30 * 40, 4), np.float32)
+    at = map_coordinates(picture_rays(camera, (40, 30)).reshape(-1, 3))
+    look_up(environment.radiance, at, np.arange(30 * 40), expected)
+    np.testing.assert_allclose(floor[..., :3], expected.reshape(30, 40, 4)[..., :3], rtol=0.01)
+    shade = grey[~ball, :3] / without[~ball, :3]
+    assert shade.min() < 0.5
+    np.testing.assert_allclose(mixed[~ball, :3], shade * floor[~ball, :3], rtol=0.02)

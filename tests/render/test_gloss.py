@@ -99,6 +99,15 @@ def test_below_the_horizon_a_ball_mirrors_the_ground_as_if_nothing_stood_on_it(c
 
 
 @pytest.mark.gl
+@pytest.mark.parametrize("roughness", [0.1, 0.35])
+def test_through_the_ground_a_ball_mirrors_the_floor_of_the_map(ctx, roughness):
+    floor = np.where(directions()[..., 1:2] < 0, [0.4, 0.3, 0.2], 0.0)
+    with BakedRenderer(ctx, ball(metal(roughness), Ground(-1.0)), CAMERA) as renderer:
+        seen = renderer.render(DARK, whole(floor), through_ground=True)
+    assert_allclose(seen[36, 24, :3], [0.4, 0.3, 0.2], rtol=0.06)
+
+
+@pytest.mark.gl
 def test_a_ball_does_not_show_the_map_through_another(ctx):
     blocked = Scene((*ball(metal(0.1)).meshes, sphere((0, 0, 40.0), 36.0, metal(0.1), 96)), None)
     environment = whole(np.ones((ROWS, 2 * ROWS, 3)))
