@@ -34,6 +34,8 @@ LEAST_PASSES = 4
 """Fewer tell too little about their spread."""
 
 _RAYS = Rays(side=2, light=16, lobe=4)
+_MOST_LIGHT = 256
+_PASSES = 8  # that are aimed at
 _GOLDEN = 0.6180339887498949
 
 
@@ -50,6 +52,7 @@ class ReferencePicture:
     relative_error : float
         Root mean square of the standard error over that of the picture.
     passes, shadow_rays : int
+        Independent estimates that this is the mean of, and the rays that were traced for them.
     """
 
     radiance: NDArray[np.float32]
@@ -81,39 +84,78 @@ def render_reference(
         Time to stop after, but not before there are `LEAST_PASSES`.
     seed : int
         The same one gives the same passes; another, pictures with independent errors.
+    spent : Rays
+        What the first passes spend, with a power of two of rays; later ones may spend more.
+    pool_size : int
+        A power of two, `side`² × 256 or more.
     on_pass : callable or None
         Told the number of passes and the relative error after each.
     """
-    start = time.perf_counter()
     tables = scene_tables(scene)
     emitters = emitters_of(light, above_horizon=scene.ground is not None)
     width, height = camera.size_px
     rows = np.arange(-(-height // SIDE))
     rows = rows[np.argsort(rows * _GOLDEN % 1)]
-    shape = height, width, 4
-    sums = Sums(np.zeros(shape), np.zeros(shape), np.zeros(len(rows), np.int64))
     rng = np.random.default_rng(seed)
-    passes = 0
     with Occluders(tables.positions, tables.faces) as occluders:
         functions = intersect16_address(), occluded16_address()
         view = _view(camera)
-        while True:
+
+        def add(spent: Rays, sums: Sums) -> None:
             pool = draw_pool(emitters, pool_size, rng)
-            each = int(rng.integers(1 << 62))
             smooth = irradiance_of(pool)
+            each = int(rng.integers(1 << 62))
             add_pass(
                 functions, occluders.address, view, tables, emitters, pool, smooth, spent, each,
                 rows, sums,
             )  # fmt: skip
-            passes += 1
-            if passes == 1:
-                continue
-            picture = _picture(sums, passes)
-            if on_pass is not None:
-                on_pass(passes, picture.relative_error)
-            late = (time.perf_counter() - start) * (1 + 1 / passes) > seconds
-            if passes >= LEAST_PASSES and (late or picture.relative_error <= error):
-                return picture
+
+        return _until_known(add, (height, width), spent, error, seconds, on_pass)
+
+
+def _until_known(
+    add: Callable[[Rays, Sums], None],
+    shape: tuple[int, int],
+    spent: Rays,
+    error: float,
+    seconds: float,
+    on_pass: Callable[[int, float], None] | None,
+) -> ReferencePicture:
+    """Return the picture of passes that `add` adds to sums.
+
+    If far more passes were needed than tell their spread, they begin anew with more rays each:
+    those of one pass err less together than those of many.
+    """
+    start = time.perf_counter()
+    sums, passes = _nothing(shape), 0
+    may_grow = True
+    while True:
+        add(spent, sums)
+        passes += 1
+        if passes < LEAST_PASSES:
+            continue
+        picture = _picture(sums, passes)
+        if on_pass is not None:
+            on_pass(passes, picture.relative_error)
+        elapsed_s = time.perf_counter() - start
+        pass_s = elapsed_s / passes
+        if picture.relative_error <= error or elapsed_s + pass_s > seconds:
+            return picture
+        if may_grow:
+            may_grow = False
+            wanted = LEAST_PASSES * (picture.relative_error / error) ** 2 if error else math.inf
+            affordable = (seconds - elapsed_s) / pass_s
+            larger = min(wanted, affordable) / _PASSES
+            factor = 2 ** int(math.log2(min(max(larger, 1), _MOST_LIGHT / spent.light)))
+            if factor > 1:
+                spent = spent._replace(light=factor * spent.light, lobe=factor * spent.lobe)
+                sums, passes = _nothing(shape), 0
+
+
+def _nothing(shape: tuple[int, int]) -> Sums:
+    return Sums(
+        np.zeros((*shape, 4)), np.zeros((*shape, 4)), np.zeros(-(-shape[0] // SIDE), np.int64)
+    )
 
 
 def _view(camera: Camera) -> NDArray[np.float32]:
