@@ -22,9 +22,9 @@ def calibrate_ball(
     *,
     output: Output,
     focal_px: float | None = None,
-    principal: str = "",
+    principal: Annotated[str, Parameter(allow_leading_hyphen=True)] = "",
     distance_ratio: float | None = None,
-    ball: str = "",
+    ball: Annotated[str, Parameter(allow_leading_hyphen=True)] = "",
     marked_px: float | None = None,
     yaw_deg: float = 0.0,
     pitch_deg: float = 0.0,
@@ -99,8 +99,8 @@ def calibrate_ball(
         pinhole = Pinhole(focal_px, (x, y))
     else:
         ratio = ASSUMED_RATIO if distance_ratio is None else (distance_ratio, 0.0)
+    hint = np.array(_numbers("--ball", ball, "x,y,radius")) if ball else None
     try:
-        hint = np.array(_numbers("--ball", ball, "x,y,radius")) if ball else None
         if marked_px is not None and hint is not None:
             outline = marked_outline(hint, marked_px, pinhole)
         else:

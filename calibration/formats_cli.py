@@ -100,7 +100,10 @@ def export_calibration(
         # Here, so that an exact export does not wait for scipy.
         from calibration.formats.approximation import approximate as follow
 
-        near = follow(camera, nearest)
+        try:
+            near = follow(camera, nearest)
+        except InputError as failure:
+            raise InputError(f"{calibration}: {failure}") from None
         written = near.calibration
         text = FORMATS[format].write(written)
         remark = (

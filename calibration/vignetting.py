@@ -29,6 +29,7 @@ _CAUCHY_SIGMAS = 2.385
 _CAP_SIGMAS = 4.0
 _SIGNIFICANT_SIGMAS = 2.0
 """Standard errors, and not one as in the rule's source: a dozen forms are compared."""
+_MOST_HELD_OUT = 0.1
 _LEAST_V = 0.02
 """No step of the fit makes V darker anywhere: the logarithm is of positive numbers."""
 _ROUNDS = 60
@@ -132,7 +133,8 @@ def fit_vignetting(samples: Samples) -> VignettingFit:
     Raises
     ------
     InputError
-        If the samples are too few or span too small a range of angles to tell.
+        If the samples are too few or span too small a range of angles to tell, or differ from any
+        lens's vignetting by more than a tenth.
     """
     blocks = np.unique(samples.block).size
     span = float(np.ptp(samples.angle_rad)) if samples.angle_rad.size else 0.0
@@ -153,6 +155,12 @@ def fit_vignetting(samples: Samples) -> VignettingFit:
         (each for each in trials if each.is_plausible),
         key=lambda each: (each.count, each.held_out),
     )
+    if chosen.held_out > _MOST_HELD_OUT:
+        raise InputError(
+            f"the measurements differ by {chosen.held_out:.0%} from what any vignetting makes of "
+            "light that is the same in all pictures; do they show that, and are the calibrations "
+            "theirs?"
+        )
     return VignettingFit(
         chosen=chosen,
         covariance=_covariance(samples, chosen),

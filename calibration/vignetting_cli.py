@@ -27,7 +27,7 @@ def calibrate_vignetting(
     source: Annotated[Literal["flat", "lamp", "overlap", "published"], Parameter(name=["--from"])],
     output: Output,
     lamp_radius_deg: float = 3.0,
-    coefficients: str | None = None,
+    coefficients: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None,
     corner_px: float | None = None,
     force: Annotated[bool, Parameter(negative=())] = False,
 ) -> None:

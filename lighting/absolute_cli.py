@@ -1,5 +1,7 @@
 """`fishlight illuminance`, `scale` and `recover`: maps in cd/m², and the lux that they imply."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -28,6 +30,7 @@ from lighting.photometry.illuminance import (
 )
 
 Switch = Annotated[bool, Parameter(negative=())]
+Triple = Annotated[str, Parameter(allow_leading_hyphen=True)]
 
 
 def illuminance(environment: Path) -> None:
@@ -50,11 +53,11 @@ def scale(
     grey_card: float | None = None,
     illuminance_lx: float | None = None,
     cd_m2_per_unit: float | None = None,
-    direction: str | None = None,
+    direction: Triple | None = None,
     pixel: str | None = None,
     calibration: Path | None = None,
     radius_deg: float = 0.5,
-    facing: str = "up",
+    facing: Triple = "up",
     clipped_were_shaded: Switch = False,
     force: Switch = False,
 ) -> None:
@@ -88,7 +91,7 @@ def scale(
     radius_deg
         Half the angle of the meter's spot, or less than the card's.
     facing
-        Of the illuminance meter: up, down, or X,Y,Z in the world.
+        Of the illuminance meter: up, down, +X, -X, +Z, -Z, or X,Y,Z in the world.
     clipped_were_shaded
         The illuminance meter stood in the shade of what is clipped in the map.
     force
@@ -111,17 +114,21 @@ def scale(
     note = ""
     if luminance_cd_m2 is not None:
         towards = _direction_of_spot(direction, pixel, calibration)
-        factor, unevenness = scale_from_luminance(
-            world, towards, np.radians(radius_deg), luminance_cd_m2
-        )
+        with _about(environment):
+            factor, unevenness = scale_from_luminance(
+                world, towards, np.radians(radius_deg), luminance_cd_m2
+            )
         note = f"; the spot and what is just beside it vary by {unevenness:.1%}"
     elif illuminance_lx is not None:
-        factor = scale_from_illuminance(
-            world, _parse_facing(facing), illuminance_lx, clipped_were_shaded=clipped_were_shaded
-        )
+        normal = _parse_facing(facing)
+        with _about(environment):
+            factor = scale_from_illuminance(
+                world, normal, illuminance_lx, clipped_were_shaded=clipped_were_shaded
+            )
     elif cd_m2_per_unit is not None:
         factor = cd_m2_per_unit
-    absolute = in_cd_m2(world, factor)
+    with _about(environment):
+        absolute = in_cd_m2(world, factor)
     write_environment(output, absolute, force=force)
     print(f"{output}: {factor:.6g} cd/m² per unit{note}")
     for line in illuminance_lines(absolute):
@@ -133,10 +140,10 @@ def recover(
     *,
     output: Output,
     illuminance_lx: float,
-    facing: str = "up",
+    facing: Triple = "up",
     disc_deg: float = 0.53,
     spread: Switch = False,
-    direction: str | None = None,
+    direction: Triple | None = None,
     force: Switch = False,
 ) -> None:
     """Give a map's clipped sun the light that a measured illuminance says it has.
@@ -150,7 +157,7 @@ def recover(
     illuminance_lx
         What an illuminance meter showed, the sun shining on it.
     facing
-        Which way it faced: up, down, or X,Y,Z in the world.
+        Which way it faced: up, down, +X, -X, +Z, -Z, or X,Y,Z in the world.
     disc_deg
         Diameter of the disc that the missing light is given to.
     spread
@@ -166,7 +173,8 @@ def recover(
     normal = _parse_facing(facing)
     radius_rad = None if spread else np.radians(disc_deg / 2)
     towards = None if direction is None else _numbers(direction, 3, "--direction")
-    whole = recover_clipped(world, normal, illuminance_lx, radius_rad, towards)
+    with _about(environment):
+        whole = recover_clipped(world, normal, illuminance_lx, radius_rad, towards)
     write_environment(output, whole, force=force)
     before = surface_illuminance(world, normal).total
     print(f"{output}: {illuminance_lx - before:.4g} of {illuminance_lx:.4g} lx were missing")
@@ -198,6 +206,15 @@ def _line(name: str, received: Illuminance, unit: str) -> str:
     return "; ".join(parts)
 
 
+@contextmanager
+def _about(path: Path) -> Iterator[None]:
+    """Name the file in what is refused about its map."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
 def _read(path: Path) -> EnvironmentMap:
     return read_environment(path)[0]
 
@@ -208,7 +225,11 @@ def _refuse_without_unit(output: Path) -> None:
 
 
 def _parse_facing(text: str) -> tuple[float, ...]:
-    return FACINGS[text] if text in FACINGS else _numbers(text, 3, "--facing")
+    if text in FACINGS:
+        return FACINGS[text]
+    if "," not in text:
+        raise InputError(f"--facing: wanted {', '.join(FACINGS)} or X,Y,Z, got {text!r}")
+    return _numbers(text, 3, "--facing")
 
 
 def _direction_of_spot(

@@ -103,6 +103,11 @@ def test_no_more_is_modelled_than_the_samples_need(
     assert fit.chosen.held_out == pytest.approx(0.01, rel=0.15)
 
 
+def test_pictures_of_something_else_are_refused() -> None:
+    with pytest.raises(InputError, match=r"differ by 3\d% from what any vignetting"):
+        fit_vignetting(samples_of(LENS, 0.3, seed=4))
+
+
 def test_without_noise_the_coefficients_are_exact() -> None:
     fit = fit_vignetting(samples_of(UNEVEN_LENS, 0.0))
     np.testing.assert_allclose(fit.chosen.radial, UNEVEN_LENS.vignetting, atol=1e-8)

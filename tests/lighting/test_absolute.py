@@ -26,6 +26,7 @@ from lighting.photometry.absolute_scale import (
 from lighting.photometry.clipped_source import SUN_RADIUS_RAD, recover_clipped
 from lighting.photometry.illuminance import FACINGS, sphere_illuminance, surface_illuminance
 from lighting.sphere.latlong import cell_directions, direction_to_grid, solid_angles
+from render.main import main
 
 UPWARD = (0.0, 1.0, 0.0)
 
@@ -289,7 +290,7 @@ def test_from_files_to_a_recovered_sun(tmp_path: Path, capsys: pytest.CaptureFix
         ({"luminance_cd_m2": 1.0, "pixel": "1,2"}, "needs the --calibration"),
         ({"luminance_cd_m2": 1.0, "direction": "1,2"}, "wanted 3 numbers"),
         ({"grey_card": 0.18}, "needs --illuminance-lx"),
-        ({"illuminance_lx": 1.0, "facing": "north"}, "--facing: wanted 3 numbers"),
+        ({"illuminance_lx": 1.0, "facing": "north"}, r"--facing: wanted up, down, \+X"),
     ],
 )
 def test_flags_that_contradict_each_other(
@@ -316,3 +317,24 @@ def test_of_several_clipped_regions_the_one_that_is_named_gets_the_light() -> No
     assert cell_directions(whole.height).reshape(-1, 3)[brightest] @ sun > np.cos(0.06)
     with pytest.raises(InputError, match="nothing is clipped there; the nearest"):
         recover_clipped(world, UPWARD, 500, towards=(0.0, -1.0, 0.0))
+
+
+def test_the_commands_take_directions_that_begin_with_a_minus(tmp_path: Path) -> None:
+    relative = tmp_path / "map.exr"
+    write_environment(relative, sky(2.0))
+    spot = ["--luminance-cd-m2", "500", "--direction"]
+    meter = ["--illuminance-lx", "500", "--facing"]
+    for number, arguments in enumerate(([*meter, "-Z"], [*meter, "-0.6,0.8,0"], [*spot, "-1,0,0"])):
+        output = tmp_path / f"{number}.exr"
+        with pytest.raises(SystemExit, match="0"):
+            main(["scale", str(relative), "-o", str(output), *arguments])
+        assert read_environment(output)[0].scale == CD_M2
+
+
+def test_what_is_refused_of_a_map_names_its_file(tmp_path: Path) -> None:
+    path, output = tmp_path / "map.exr", tmp_path / "abs.exr"
+    write_environment(path, sky(0.0))
+    with pytest.raises(InputError, match=r"map\.exr: the spot is black"):
+        scale(path, output=output, luminance_cd_m2=500, direction="0,1,0")
+    with pytest.raises(InputError, match=r"map\.exr: the map is relative"):
+        recover(path, output=output, illuminance_lx=500)
