@@ -47,12 +47,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(0)
     except OSError as error:  # no permission, disk full, name too long
         sys.exit(_fail(f"{error.filename or 'a file'}: {error.strerror or error}"))
+    except MemoryError as error:
+        sys.exit(_fail(f"not enough memory; smaller or fewer pictures take less ({error})"))
     except KeyboardInterrupt:
         sys.exit(130)
 
 
 def _fail(message: str) -> int:
-    print("fishlight: " + " ".join(message.split()), file=sys.stderr)
+    # File names are in it, which may hold what steers a terminal.
+    told = "".join(
+        letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}"
+        for letter in " ".join(message.split())
+    )
+    print(f"fishlight: {told}", file=sys.stderr)
     return 2
 
 

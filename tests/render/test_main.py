@@ -36,6 +36,21 @@ def test_a_known_error_is_one_line_and_exit_code_2(failing_command, capsys):
     assert printed.out == ""
 
 
+def test_a_name_that_would_steer_a_terminal_is_made_harmless(failing_command, capsys):
+    failing_command(InputError("a\x1b[2J\udcff.exr: no picture"))
+    with pytest.raises(SystemExit):
+        main(["render"])
+    assert capsys.readouterr().err == "fishlight: a\ufffd[2J\ufffd.exr: no picture\n"
+
+
+def test_too_little_memory_is_no_defect_and_one_line(failing_command, capsys):
+    failing_command(MemoryError("Unable to allocate 80.2 MiB"))
+    with pytest.raises(SystemExit) as stop:
+        main(["render"])
+    assert stop.value.code == 2
+    assert "not enough memory" in capsys.readouterr().err
+
+
 def test_a_defect_keeps_its_traceback(failing_command):
     failing_command(ValueError("a defect"))
     with pytest.raises(ValueError, match="a defect"):
