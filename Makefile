@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DEMO := demo-output
 
-.PHONY: help setup guest demo test test-slow test-camera fuzz check bench recordings lock clean
+.PHONY: help setup guest browser demo test test-slow test-camera soak fuzz check bench recordings lock clean
 
 help: ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 14
@@ -18,6 +18,9 @@ $(VENV)/.ready: requirements.lock pyproject.toml setup.sh
 
 guest: ## the system's parts that the camera's tests boot a guest with: QEMU and busybox
 	./setup.sh --guest
+
+browser: ## the system's part that the live page's tests need: Chromium
+	./setup.sh --browser
 
 demo: setup ## replay the bundled recording: lights, maps, pictures and a video in demo-output/
 	$(BIN)/fishlight replay recordings/outdoor -o $(DEMO) --count 64 --force
@@ -32,6 +35,9 @@ test-slow: setup ## the few tests that take longer than ten seconds
 test-camera: setup guest ## the camera's tests on real kernel drivers, vivid's injected faults included
 	FISHLIGHT_REQUIRE_GUEST=1 $(BIN)/python -m pytest -q tests/camera \
 	    -o python_files="test_*.py vivid_faults.py"
+
+soak: setup ## twenty minutes of a live session, watched and followed: memory, threads, counters
+	$(BIN)/python -m tests.render.soak
 
 fuzz: setup ## forge files for an hour or so, and read them
 	$(BIN)/python -m pytest tests/test_fuzzed_files.py --hypothesis-profile=fuzz -q

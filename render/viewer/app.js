@@ -54,6 +54,7 @@ async function onMoment(header, images) {
   }
   showNotice(header.notice);
   document.body.dataset.number = header.number;
+  document.body.dataset.shown = Number(document.body.dataset.shown ?? 0) + 1;
 }
 
 function onLost(code, reason) {
