@@ -109,7 +109,4 @@ def _read_maps(paths: Sequence[Path]) -> dict[str, EnvironmentMap]:
 def _about(maps: dict[str, EnvironmentMap]) -> str:
     sizes = {f"{2 * environment.height}×{environment.height}" for environment in maps.values()}
     of = f"{len(maps)} maps (medians)" if len(maps) > 1 else next(iter(maps)).rsplit("/", 1)[-1]
-    return (
-        f"4, 8, 16 … 1024 lights from {of}, {' and '.join(sorted(sizes))}. Band: nothing else is "
-        "both faster and truer; numbers: lights. Grey: not fishlight's."
-    )
+    return f"4, 8, 16 … 1024 lights from {of}, {' and '.join(sorted(sizes))}."

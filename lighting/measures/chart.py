@@ -167,11 +167,13 @@ def points_of(
     return points
 
 
-def pareto_front(points: Iterable[Point], figure: str) -> list[Point]:
-    """Return the points than which none is both faster and truer, from fast to true."""
+def pareto_front(
+    points: Iterable[Point], figure: str, cost: Callable[[Point], float] = lambda point: point.ms
+) -> list[Point]:
+    """Return the points than which none is both cheaper and truer, from cheap to true."""
     front: list[Point] = []
     with_figure = [point for point in points if figure in point.errors]
-    for point in sorted(with_figure, key=lambda point: (point.ms, point.errors[figure])):
+    for point in sorted(with_figure, key=lambda point: (cost(point), point.errors[figure])):
         if not front or point.errors[figure] < front[-1].errors[figure]:
             front.append(point)
     return front

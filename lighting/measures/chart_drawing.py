@@ -1,12 +1,15 @@
 """The chart of error against time, for light and for dark pages.
 
-A panel for each kind of error, a line for each system from few lights to many, its name at its end.
-The broad band joins the points than which nothing is both faster and truer.
+Three panels show a kind of error against time, the fourth against the number of lights. What is
+worth most is in colour and has its name at the end of its line, from few lights to many; peers are
+grey, fishlight's other methods thin. The broad band joins the points than which nothing is both
+cheaper and truer.
 
-Input  : points of chart.py.    Output : SVG and PNG files.
+Input  : points of chart.py.    Output : SVG and PNG files, legible from 800 pixels of width.
 """
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,24 +18,46 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator
-from scipy.optimize import isotonic_regression
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator
 
 from capture.output import replacing
 from lighting.measures.chart import FLICKER, Point, pareto_front
+from lighting.reduce import ADAPTIVE
 
-PANELS = {
-    "open, points": "In the open, lights as points",
-    FLICKER: "Flicker behind an occluder, frame to frame",
-    "occluded, points": "Behind occluders, lights as points",
-    "occluded, discs": "Behind occluders, lights as wide as they stand for",
-}
-_MARKERS = "os^Dvphd<>X*"
-_LINES = ("-", (0, (4, 1.5)))
-_LABEL_GAP = 0.047
-"""Least distance of two names, as a share of the panel's height."""
-_NUMBER_SIZE_PX = (30, 13)
-"""Room of a number of up to four digits, at the 100 dots per inch of a figure."""
+Cost = Callable[[Point], float]
+
+
+@dataclass(frozen=True)
+class _Panel:
+    title: str
+    figure: str
+    cost: Cost
+    is_time: bool = True
+
+
+def _milliseconds(point: Point) -> float:
+    return point.ms
+
+
+def _lights(point: Point) -> float:
+    return point.count
+
+
+PANELS = (
+    _Panel("In the open, lights as points", "open, points", _milliseconds),
+    _Panel("Behind occluders, lights with their extent", "occluded, discs", _milliseconds),
+    _Panel("Flicker behind an occluder, frame to frame", FLICKER, _milliseconds),
+    _Panel("Behind occluders, by the number of lights", "occluded, discs", _lights, False),
+)
+_LEGEND = (
+    "Band: nothing else is both cheaper and truer; beside it, the number of lights. "
+    "Thin: fishlight's other methods. Grey: not fishlight's."
+)
+_MARKERS = "osD^v"
+_NAME_SIZE_PX = (6.3, 15.0)
+"""Width of a letter and height of a line of names, at the 100 dots per inch of a figure."""
+_NUMBER_SIZE_PX = (34, 24)
+"""Room of a number of up to four digits."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +66,7 @@ class _Theme:
     ink: str
     grid: str
     peer: str
+    other: str
     colours: tuple[str, ...]
 
 
@@ -48,12 +74,12 @@ class _Theme:
 # tell apart; darker on white and lighter on black where they would be faint.
 THEMES = {
     "light": _Theme(
-        "#ffffff", "#1f2328", "#d8dee4", "#6e7781",
-        ("#0072b2", "#d55e00", "#008060", "#b5518e", "#b07800", "#2e9bd6", "#5b3fa8"),
+        "#ffffff", "#1f2328", "#e4e8ec", "#7d858e", "#a9c4da",
+        ("#d55e00", "#0072b2", "#008060", "#b5518e", "#b07800"),
     ),
     "dark": _Theme(
-        "#0d1117", "#e6edf3", "#2b323b", "#8b949e",
-        ("#4ea8e0", "#f0803c", "#2fc39a", "#e39ac6", "#f0b93a", "#8fd3ff", "#a78bfa"),
+        "#0d1117", "#e6edf3", "#232a33", "#8b949e", "#36556d",
+        ("#f0803c", "#4ea8e0", "#2fc39a", "#e39ac6", "#f0b93a"),
     ),
 }  # fmt: skip
 
@@ -68,7 +94,8 @@ def draw(
     points : sequence of Point
         Counts of a system ascending.
     own : sequence of str
-        The systems to draw in colour, in the order of their colours; the others are grey.
+        Fishlight's systems. The default method and those that are most often on a front are in
+        colour.
     about : str
         What was measured and on what, one line below the title.
     path : Path
@@ -77,9 +104,8 @@ def draw(
         "light" or "dark".
     """
     colours = THEMES[theme]
-    panels = [panel for panel in PANELS if any(panel in point.errors for point in points)]
-    systems = list(dict.fromkeys(point.system for point in points))
-    styles = _styles([name for name in own if name in systems], systems, colours)
+    panels = [panel for panel in PANELS if any(panel.figure in point.errors for point in points)]
+    styles = _styles(points, own, panels, colours)
     # Fixed ids, so that the same points give the same file.
     settings: dict[Any, Any] = {
         "svg.hashsalt": "fishlight",
@@ -94,134 +120,144 @@ def draw(
     }
     with mpl.rc_context(settings):
         rows = -(-len(panels) // 2)
-        figure = Figure(figsize=(15, 0.9 + 5.3 * rows), facecolor=colours.page)
+        figure = Figure(figsize=(10, 1.0 + 4.3 * rows), facecolor=colours.page)
         inches = figure.get_figheight()
         grid = figure.add_gridspec(
-            rows, 2, left=0.045, right=0.875, top=1 - 1.1 / inches, bottom=0.55 / inches,
-            wspace=0.42, hspace=0.24,
+            rows, 2, left=0.065, right=0.985, top=1 - 1.2 / inches, bottom=0.35 / inches,
+            wspace=0.16, hspace=0.2,
         )  # fmt: skip
-        title = "Lights from an environment map: error of the irradiance against time"
-        figure.text(0.045, 1 - 0.35 / inches, title, fontsize=15, weight="bold")
-        figure.text(0.045, 1 - 0.62 / inches, about, fontsize=9.5)
+        title = "Lights from an environment map: error of the irradiance"
+        figure.text(0.012, 1 - 0.33 / inches, title, fontsize=14, weight="bold")
+        figure.text(0.012, 1 - 0.56 / inches, about, fontsize=8.5)
+        figure.text(0.012, 1 - 0.75 / inches, _LEGEND, fontsize=8.5)
         for number, panel in enumerate(panels):
             axis = figure.add_subplot(grid[number // 2, number % 2])
             _draw_panel(axis, points, panel, styles, colours)
         with replacing(path) as partial:
             metadata = {"Date": None} if path.suffix == ".svg" else None
-            figure.savefig(partial, dpi=110, metadata=metadata)
+            figure.savefig(partial, dpi=160, metadata=metadata)
 
 
-def _styles(own: list[str], systems: list[str], theme: _Theme) -> dict[str, dict[str, Any]]:
-    styles: dict[str, dict[str, Any]] = {}
-    for number, name in enumerate(own):
-        around, place = divmod(number, len(theme.colours))
-        styles[name] = {"color": theme.colours[place], "linestyle": _LINES[around % len(_LINES)]}
-    peers = [name for name in systems if name not in styles]
-    styles |= {name: {"color": theme.peer, "linestyle": ":"} for name in peers}
-    for number, style in enumerate(styles.values()):
-        style["marker"] = _MARKERS[number % len(_MARKERS)]
+def _styles(
+    points: Sequence[Point], own: Sequence[str], panels: Sequence[_Panel], theme: _Theme
+) -> dict[str, dict[str, Any]]:
+    """Return how each system's line is drawn; what is to be named has a label."""
+    systems = list(dict.fromkeys(point.system for point in points))
+    on_fronts = Counter(
+        point.system for panel in panels for point in pareto_front(points, panel.figure, panel.cost)
+    )
+    by_worth = sorted(own, key=lambda name: (name != ADAPTIVE, -on_fronts[name]))
+    named = [name for name in by_worth if name in systems][: len(theme.colours)]
+    styles = {}
+    for name in systems:
+        if name in named:
+            number = named.index(name)
+            styles[name] = {
+                "color": theme.colours[number], "marker": _MARKERS[number], "label": name,
+                "linewidth": 2.2, "markersize": 4.5, "zorder": 4,
+            }  # fmt: skip
+        elif name in own:
+            styles[name] = {"color": theme.other, "linewidth": 1.0, "zorder": 2}
+        else:
+            styles[name] = {
+                "color": theme.peer, "linewidth": 1.0, "linestyle": (0, (3, 2)), "marker": ".",
+                "markersize": 4, "label": name, "zorder": 3,
+            }  # fmt: skip
     return styles
 
 
 def _draw_panel(
     axis: Axes,
     points: Sequence[Point],
-    panel: str,
+    panel: _Panel,
     styles: dict[str, dict[str, Any]],
     theme: _Theme,
 ) -> None:
     axis.set(xscale="log", yscale="log", facecolor=theme.page)
-    axis.set_title(PANELS[panel], loc="left", fontsize=11, weight="bold", pad=6)
+    axis.set_title(panel.title, loc="left", fontsize=10.5, weight="bold", pad=6)
     axis.grid(True, which="major", color=theme.grid, linewidth=0.8)
     axis.tick_params(which="both", length=0)
     axis.spines[:].set_visible(False)
-    axis.xaxis.set_major_formatter(FuncFormatter(lambda ms, _: f"{ms:g} ms"))
     axis.yaxis.set_major_formatter(FuncFormatter(lambda error, _: f"{100 * error:g} %"))
-    for scale in (axis.xaxis, axis.yaxis):
-        scale.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+    axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+    if panel.is_time:
+        axis.xaxis.set_major_formatter(FuncFormatter(lambda ms, _: f"{ms:g} ms"))
+        axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+    else:
+        axis.xaxis.set_major_formatter(FuncFormatter(lambda count, _: f"{count:g}"))
+        axis.xaxis.set_major_locator(FixedLocator([4, 16, 64, 256, 1024]))
     axis.minorticks_off()
 
-    points = [point for point in points if point.errors.get(panel, 0.0) > 0]  # 0 has no logarithm
-    front = pareto_front(points, panel)
+    # 0 has no logarithm.
+    points = [point for point in points if point.errors.get(panel.figure, 0.0) > 0]
+    front = pareto_front(points, panel.figure, panel.cost)
     axis.plot(
-        [point.ms for point in front],
-        [point.errors[panel] for point in front],
-        color=theme.ink, alpha=0.12, linewidth=9, solid_capstyle="round", zorder=1,
+        [panel.cost(point) for point in front],
+        [point.errors[panel.figure] for point in front],
+        color=theme.ink, alpha=0.16, linewidth=10, solid_capstyle="round", zorder=1,
     )  # fmt: skip
-    on_front = {point.system for point in front}
     ends = {}
     for system, style in styles.items():
         line = [point for point in points if point.system == system]
         if line:
             axis.plot(
-                [point.ms for point in line],
-                [point.errors[panel] for point in line],
-                linewidth=2.2 if system in on_front else 1.0,
-                markersize=5 if system in on_front else 3.5,
-                alpha=1.0 if system in on_front else 0.6,
-                zorder=3 if system in on_front else 2,
+                [panel.cost(point) for point in line],
+                [point.errors[panel.figure] for point in line],
                 **style,
             )
-            ends[system] = line[-1]
-    _hold_limits(axis)
-    _number_points(axis, front, panel)
-    _name_lines(axis, ends, panel, styles, on_front)
+            ends[system] = (panel.cost(line[-1]), line[-1].errors[panel.figure])
+    low, high = axis.get_xlim()
+    room = 0.22 if panel.is_time else 0.45  # for names, right of the ends
+    axis.set_xlim(low * 0.75, high * (high / low) ** room)
+    axis.set_ylim(axis.get_ylim()[0] * 0.75, axis.get_ylim()[1])
+    if panel.is_time:
+        _number_points(axis, front, panel)
+    _name_lines(axis, ends, styles, theme)
 
 
-def _hold_limits(axis: Axes) -> None:
-    """Settle the limits, which are not known before something asks for them."""
-    axis.set_xlim(axis.get_xlim())
-    axis.set_ylim(axis.get_ylim())
-
-
-def _number_points(axis: Axes, front: Sequence[Point], panel: str) -> None:
+def _number_points(axis: Axes, front: Sequence[Point], panel: _Panel) -> None:
     """Write the number of lights beside points of the front, none over another."""
     numbered: list[np.ndarray[Any, Any]] = []
     for point in front:
-        place = (point.ms, point.errors[panel])
+        place = (panel.cost(point), point.errors[panel.figure])
         on_page = axis.transData.transform(place)
         if all(np.abs((on_page - other) / _NUMBER_SIZE_PX).max() > 1 for other in numbered):
             numbered.append(on_page)
             axis.annotate(
-                str(point.count), place, (-4, -5),
-                textcoords="offset points", ha="right", va="top", fontsize=7.5, zorder=4,
+                str(point.count), place, (-7, -2),
+                textcoords="offset points", ha="right", va="top", fontsize=8, zorder=5,
             )  # fmt: skip
 
 
 def _name_lines(
     axis: Axes,
-    ends: dict[str, Point],
-    panel: str,
+    ends: dict[str, tuple[float, float]],
     styles: dict[str, dict[str, Any]],
-    on_front: set[str],
+    theme: _Theme,
 ) -> None:
-    """Write each line's name right of the panel, near the height of its end, none over another."""
-    low, high = np.log(axis.get_ylim())
-    in_order = sorted(ends.items(), key=lambda item: item[1].errors[panel])
-    heights = [(np.log(end.errors[panel]) - low) / (high - low) for _, end in in_order]
-    for (system, end), height in zip(in_order, _spread(heights), strict=True):
+    """Write the names right of their lines' ends, below one another where they would meet."""
+    placed: list[tuple[float, float, float]] = []
+    in_order = sorted(ends.items(), key=lambda item: -item[1][1])
+    for system, end in in_order:
+        if "label" not in styles[system]:
+            continue
+        x, y = axis.transData.transform(end)
+        left, right = x + 7, x + 7 + _NAME_SIZE_PX[0] * len(system)
+        height = y
+        for other_left, other_right, other_height in sorted(placed, key=lambda name: -name[2]):
+            meets = left < other_right and other_left < right
+            if meets and abs(height - other_height) < _NAME_SIZE_PX[1]:
+                height = other_height - _NAME_SIZE_PX[1]
+        placed.append((left, right, height))
         axis.annotate(
             system,
-            (end.ms, end.errors[panel]),
-            (1.035, height),
-            textcoords="axes fraction",
+            end,
+            (7 * 0.72, (height - y) * 0.72),
+            textcoords="offset points",
             color=styles[system]["color"],
-            weight="bold" if system in on_front else "normal",
+            weight="bold" if styles[system]["zorder"] == 4 else "normal",
             va="center",
             annotation_clip=False,
-            arrowprops={
-                "arrowstyle": "-",
-                "color": styles[system]["color"],
-                "linewidth": 0.6,
-                "alpha": 0.35,
-                "relpos": (0, 0.5),
-                "shrinkB": 3,
-            },
+            zorder=6,
+            bbox={"facecolor": theme.page, "edgecolor": "none", "alpha": 0.8, "pad": 0.6},
         )
-
-
-def _spread(heights: Sequence[float]) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Return ascending heights moved the least that puts `_LABEL_GAP` between neighbours."""
-    steps = _LABEL_GAP * np.arange(len(heights))
-    spread = isotonic_regression(np.asarray(heights) - steps).x
-    return np.clip(spread, 0.0, max(1.0 - steps[-1], 0.0)) + steps

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from lighting.measures.chart import Point
+from lighting.measures.chart import STEADY, Point
 from lighting.measures.chart_drawing import draw
 from lighting.reduce import METHODS
 from tests.benchmarks.lights import FIGURES
@@ -28,12 +28,11 @@ def draw_rows(rows: list[dict[str, Any]], folder: Path) -> None:
         for row in rows
     ]
     about = (
-        f"4, 8, 16 … 1024 lights: errors are medians over {rows[0]['accuracy']['maps']} maps, "
-        "times are for 1024×512. Band: nothing else is both faster and truer; numbers: lights. "
-        "Grey: not fishlight's."
+        f"4, 8, 16 … 1024 lights. Errors are medians over {rows[0]['accuracy']['maps']} maps, "
+        "times are for 1024×512."
     )
     for theme, name in (("light", "lights.svg"), ("dark", "lights-dark.svg")):
-        draw(points, list(METHODS), about, folder / name, theme)
+        draw(points, [*METHODS, STEADY], about, folder / name, theme)
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from lighting.measures.error_measures import (
     standard_receivers,
     truth,
 )
-from lighting.reduce import METHODS, reduce_to_lights
+from lighting.reduce import ADAPTIVE, METHODS, reduce_to_lights
 from lighting.simulation.sequences import SEQUENCES, frames
 from tests.environments import constant, outdoors
 
@@ -257,10 +257,34 @@ def test_draws_vectors_with_every_name_and_the_colours_of_the_page(some_points, 
     assert (tmp_path / "again.svg").read_text() == text
 
 
+def test_names_of_ours_are_the_default_and_what_is_most_on_fronts(tmp_path):
+    # Ten of ours, each as often on the front as its number says, and the default, which never is.
+    front = [name for number in range(10) for name in [f"method {number}"] * number]
+    points = [
+        Point(name, count, 1.0 + count, {"open, points": 1 / (1 + count)})
+        for count, name in enumerate(front)
+    ]
+    points += [Point("method 0", 1, 99.0, {"open, points": 1.0})]
+    points += [Point(ADAPTIVE, 1, 99.0, {"open, points": 1.0})]
+    own = list(dict.fromkeys(point.system for point in points))
+    draw(points, own, "", tmp_path / "chart.svg")
+    named = re.findall(r">(method \d|adaptive)</text>", (tmp_path / "chart.svg").read_text())
+    assert set(named) == {ADAPTIVE, *(f"method {number}" for number in (9, 8, 7, 6))}
+
+
+def test_a_front_may_be_by_the_number_of_lights():
+    points = [
+        Point("a", 4, 9.0, {"e": 0.5}),
+        Point("b", 4, 1.0, {"e": 0.6}),
+        Point("b", 8, 2.0, {"e": 0.4}),
+    ]
+    assert pareto_front(points, "e", lambda point: point.count) == [points[0], points[2]]
+
+
 def test_no_name_lies_on_another(tmp_path):
     # Twelve systems that end in the same point: their names are spread above and below it.
     crowd = [Point(f"system {number}", 4, 1.0, {"open, points": 0.1}) for number in range(12)]
-    draw(crowd, [point.system for point in crowd], "", tmp_path / "chart.svg")
+    draw(crowd, [], "", tmp_path / "chart.svg")
     text = (tmp_path / "chart.svg").read_text()
     heights = [float(y) for y in re.findall(r'y="([0-9.]+)"[^>]*>system ', text)]
     assert len(heights) == 12
