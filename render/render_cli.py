@@ -1,16 +1,20 @@
 """The `render` command."""
 
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from capture.arguments import Output, parse_size
 from capture.errors import InputError
-from capture.output import refuse_existing
+from capture.output import check_place
 from lighting.light_files import read_lights
 from lighting.maps.environment_files import read_environment
 from render.default_scene import default_scene, frame_meshes
 from render.gl import create_context
 from render.mesh import load_meshes
 from render.pictures import check_picture_suffix, write_picture
+from render.reference_cli import read_light, trace_picture, write_reference
 from render.renderer import Renderer
 from render.scene import Camera, Scene
 from render.view import auto_exposure_ev
@@ -20,15 +24,23 @@ SAMPLES_PER_AXIS = 2
 
 def render(
     *,
-    lights: Path,
     output: Output,
+    lights: Path | None = None,
     mesh: Path | None = None,
     size: str = "640x480",
     background: Path | None = None,
     exposure_ev: str = "auto",
+    reference: bool = False,
+    environment: Annotated[Path | None, Parameter(name="--map")] = None,
+    error: float | None = None,
+    seconds: float | None = None,
     force: bool = False,
 ) -> None:
     """Render a scene under the lights of a file, with a shadow map for each.
+
+    With --reference the picture is ray-traced without OpenGL: exact shadows, of a whole map or of
+    lights, until it is as good as --error asks for, or --seconds are over. An .exr then has the
+    standard error of each pixel as a layer, standard_error.
 
     Parameters
     ----------
@@ -44,25 +56,44 @@ def render(
         Lat-long map, .exr or .hdr, to be seen behind the scene.
     exposure_ev
         Stops by which a PNG is made brighter; auto puts the scene's log-mean at middle grey.
+    reference
+        Trace rays.
+    environment
+        Lat-long map, .exr or .hdr, whose light to trace: all of it, in place of --lights.
+    error
+        Relative error of the picture to trace until, 0.01 unless --seconds are given.
+    seconds
+        Time to trace for.
     force
         Replace the output if it exists.
     """
     size_px = parse_size(size)
     fixed_ev = parse_exposure(exposure_ev)
     check_picture_suffix(output)
-    refuse_existing(output, force=force)
-    light_set = read_lights(lights)
-    environment, cleaned = (None, None) if background is None else read_environment(background)
-    scene, camera = scene_to_render(mesh, size_px)
-    with (
-        create_context() as context,
-        Renderer(context, scene, camera, SAMPLES_PER_AXIS) as renderer,
-    ):
-        picture = renderer.render(light_set, environment)
-    ev = auto_exposure_ev(picture) if fixed_ev is None else fixed_ev
-    write_picture(output, picture, ev, force=force)
+    check_place(output, force=force)
+    behind, cleaned = (None, None) if background is None else read_environment(background)
+    if reference:
+        light, about = read_light(lights, environment)
+        scene, camera = scene_to_render(mesh, size_px)
+        traced = trace_picture(scene, camera, light, behind, error, seconds)
+        ev = auto_exposure_ev(traced.radiance) if fixed_ev is None else fixed_ev
+        write_reference(output, traced, ev, force=force)
+        about += f", passes {traced.passes}, error {traced.relative_error:.2%}"
+    elif lights is None or any(each is not None for each in (environment, error, seconds)):
+        raise InputError("give --lights; --map, --error and --seconds are for --reference")
+    else:
+        light_set = read_lights(lights)
+        about = f"lights {len(light_set)}"
+        scene, camera = scene_to_render(mesh, size_px)
+        with (
+            create_context() as context,
+            Renderer(context, scene, camera, SAMPLES_PER_AXIS) as renderer,
+        ):
+            picture = renderer.render(light_set, behind)
+        ev = auto_exposure_ev(picture) if fixed_ev is None else fixed_ev
+        write_picture(output, picture, ev, force=force)
     triangles = sum(len(part.faces) for part in scene.meshes)
-    print(f"{output}: lights {len(light_set)}, triangles {triangles}, {ev:+.1f} EV")
+    print(f"{output}: {about}, triangles {triangles}, {ev:+.1f} EV")
     for remark in () if cleaned is None else cleaned.remarks:
         print(f"  {background}: {remark}")
 

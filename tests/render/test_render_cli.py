@@ -53,6 +53,53 @@ def test_a_mesh_in_front_of_a_map_as_radiance(tmp_path, lights):
         render(output=output, **arguments)
 
 
+def test_a_reference_picture_with_its_error_in_front_of_its_map(tmp_path, capsys):
+    seen = np.ones((8, 16), bool)
+    sky = EnvironmentMap(np.full((8, 16, 3), 7.0, np.float32), seen, ~seen)
+    write_environment(tmp_path / "map.exr", sky)
+    (tmp_path / "m.obj").write_text(OBJ)
+    output = tmp_path / "p.exr"
+    arguments = {"environment": tmp_path / "map.exr", "background": tmp_path / "map.exr"}
+    mesh = tmp_path / "m.obj"
+    render(reference=True, output=output, size="20x15", mesh=mesh, error=0.05, **arguments)
+    file = read_exr(output)
+    background = file.channels["A"] == 0
+    np.testing.assert_allclose(file.channels["R"][background], 7, rtol=1e-6)
+    error = file.channels["standard_error.G"]
+    assert not error[background].any()
+    assert error.max() > 0
+    assert 0 < file.attributes["relative_error"] <= 0.05
+    printed = capsys.readouterr()
+    assert "map 16×8" in printed.out
+    assert printed.err == ""
+
+
+def test_a_reference_picture_to_look_at_under_lights(tmp_path, lights):
+    output = tmp_path / "p.png"
+    render(reference=True, lights=lights, output=output, size="16x12", seconds=0.1)
+    assert 60 < np.median(read_picture(output)) < 180
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        ({}, "give --lights"),
+        ({"lights": "l.json", "error": 0.1}, "are for --reference"),
+        ({"reference": True}, "either --lights or --map"),
+        ({"reference": True, "lights": "l.json", "environment": "m.exr"}, "either"),
+    ],
+)
+def test_light_that_is_missing_or_given_twice(tmp_path, flags, message):
+    with pytest.raises(InputError, match=message):
+        render(output=tmp_path / "p.png", **flags)
+
+
+@pytest.mark.parametrize("limit", [{"error": 0.0}, {"seconds": -1.0}, {"error": float("nan")}])
+def test_limits_of_a_reference_that_are_none(tmp_path, lights, limit):
+    with pytest.raises(InputError, match="above 0"):
+        render(reference=True, lights=lights, output=tmp_path / "p.png", size="8x8", **limit)
+
+
 @pytest.mark.parametrize("text", ["", "640", "640x", "-4x3", "0x10", "10x99999", "4 x 3", "ax3"])
 def test_sizes_that_are_none(text):
     with pytest.raises(InputError):
