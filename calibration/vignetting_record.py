@@ -4,12 +4,18 @@ Output : the key "vignetting_fit" of a calibration file.
 """
 
 from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from calibration.camera import Calibration
-from calibration.vignetting import VignettingFit
+from calibration.files import read_records
+from capture.errors import InputError
+
+if TYPE_CHECKING:
+    from calibration.vignetting import VignettingFit
 
 _ANGLES = 31
 _AZIMUTHS_RAD = np.linspace(0, 2 * np.pi, 8, endpoint=False)
@@ -41,7 +47,7 @@ class VignettingRecord(msgspec.Struct, frozen=True):
 
 
 def vignetting_record(
-    fit: VignettingFit, calibration: Calibration, source: str, pictures: Sequence[str]
+    fit: "VignettingFit", calibration: Calibration, source: str, pictures: Sequence[str]
 ) -> VignettingRecord:
     """Return what the calibration file keeps of a fit."""
     limit = min(calibration.valid_angle_rad, calibration.model.limit_angle_rad)
@@ -60,3 +66,27 @@ def vignetting_record(
         angle_rad=angle.tolist(),
         sigma=sigma.tolist(),
     )
+
+
+def correction_error(path: Path, calibration: Calibration) -> tuple[float, float] | None:
+    """Return the relative standard deviation of radiance that vignetting was divided out of.
+
+    Where it is largest, and that angle in rad; None if the calibration's file at `path` does not
+    tell how well its vignetting is known.
+
+    Raises
+    ------
+    InputError
+        If what the file keeps was altered.
+    """
+    content = read_records(path).get("vignetting_fit")
+    if content is None:
+        return None
+    try:
+        record = msgspec.convert(content, VignettingRecord)
+        angle, sigma = np.array(record.angle_rad), np.array(record.sigma)
+        relative = sigma / calibration.relative_illumination(angle)
+        worst = int(np.argmax(relative))
+        return float(relative[worst]), float(angle[worst])
+    except (msgspec.ValidationError, ValueError) as error:
+        raise InputError(f"{path}: vignetting_fit: {error}") from None

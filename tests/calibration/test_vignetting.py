@@ -14,6 +14,7 @@ from calibration.models.equisolid import Equisolid
 from calibration.vignetting import Samples, VignettingFit, fit_vignetting
 from calibration.vignetting_cli import calibrate_vignetting
 from calibration.vignetting_published import from_published
+from calibration.vignetting_record import correction_error
 from calibration.vignetting_samples import Shot, flat_samples, lamp_samples, overlap_samples
 from capture.errors import InputError
 from capture.radiance import RadianceImage
@@ -223,6 +224,11 @@ def test_from_pictures_to_a_calibration(tmp_path: Path, capsys: pytest.CaptureFi
     assert content["lens_fit"] == {"kept": 1}
     assert content["vignetting_fit"]["pictures"] == ["a.exr", "b.exr"]
     assert 0 < content["vignetting_fit"]["sigma"][-1] < 2e-3
+    share, angle_rad = correction_error(output, found)
+    darkest = found.relative_illumination(found.valid_angle_rad)
+    assert share == pytest.approx(content["vignetting_fit"]["sigma"][-1] / darkest)
+    assert angle_rad == pytest.approx(found.valid_angle_rad)
+    assert correction_error(start, found) is None
 
     narrow = tmp_path / "published.json"
     calibrate_vignetting(

@@ -1,5 +1,6 @@
 """`fishlight remap`: files in, a map and one line out."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -116,3 +117,21 @@ def test_tells_what_was_done_to_the_picture(
     remap(tmp_path / "r.exr", calibration=tmp_path / "cal.json", output=output, height=16)
     printed = capsys.readouterr().out
     assert "  luminance repeated to grey\n  set to 0 in the file: 3 negative values\n" in printed
+
+
+def test_how_well_vignetting_is_known_is_told(
+    files: tuple[Path, Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    radiance, calibration, output = files
+    fit = {
+        **{"source": "flat", "pictures": [], "sample_count": 9, "seen_rad": [0, 1.5]},
+        **{"held_out": 0.01, "trials": [], "angle_rad": [0, 0.5, 1.5], "sigma": [0, 0.04, 0.01]},
+    }
+    dark = replace(CAMERA, vignetting=(-0.4,))
+    write_calibration(calibration, dark, vignetting_fit=fit)
+    remap(radiance, calibration=calibration, output=output, height=8)
+    # At 0.5 V is 0.9, and 0.04 of it 4.4 %; at 1.5 it is 0.1, and 0.01 of it 10 %.
+    assert "taken out to ±10.00% at 86°" in capsys.readouterr().out
+    write_calibration(calibration, dark, vignetting_fit={**fit, "sigma": "none"})
+    with pytest.raises(InputError, match=r"cal\.json: vignetting_fit: Expected"):
+        remap(radiance, calibration=calibration, output=output, height=8, force=True)
