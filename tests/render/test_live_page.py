@@ -275,6 +275,7 @@ def test_the_picture_is_walked_around_by_mouse_and_by_keys(page):
 def test_frozen_light_stands_still(page):
     page.get_by_label("View exposure, exactly").fill("-3")  # or it would adapt meanwhile
     wait_until(page, lambda: settings_of(page)["view_ev"] == -3)
+    page.locator("#map").focus()  # letters in a field are no commands
     page.keyboard.press("f")
     wait_until(page, lambda: page.locator("#freeze").get_attribute("aria-pressed") == "true")
     first = number(page)
