@@ -40,7 +40,7 @@ def strip(recording_folder: Path, position: int) -> NDArray[np.uint8]:
     lights = reduce_to_lights(environment, LIGHTS)
     scene, camera = default_scene()
     with create_context() as context, BakedRenderer(context, scene, camera, 2) as renderer:
-        radiance = renderer.render(lights, environment)
+        radiance = renderer.render(lights, environment, through_ground=True)
     exposure_ev = auto_exposure_ev(radiance)
     longest = max(bracket.frames, key=lambda frame: frame.exposure.signal)
     parts = (

@@ -3,10 +3,13 @@
 As shaders/background.frag: bilinear between the centres of cells, around the seam, held at a pole.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from lighting.maps.environment import EnvironmentMap
 from render.scene import Camera
 
 
@@ -26,6 +29,14 @@ def map_coordinates(directions: NDArray[np.float64]) -> NDArray[np.float32]:
     u = 0.5 - np.arctan2(x, z) / (2 * np.pi)
     v = np.arctan2(np.hypot(x, z), y) / np.pi
     return np.stack([u, v], axis=-1).astype(np.float32)
+
+
+def with_ground(environment: EnvironmentMap, radiance: NDArray[np.float32]) -> EnvironmentMap:
+    """Return the map with a ground's radiance (3,) where nothing was seen below the horizon."""
+    filled = environment.radiance.copy()
+    below = environment.height // 2
+    filled[below:][~environment.valid[below:]] = radiance
+    return replace(environment, radiance=filled)
 
 
 @njit(cache=True, nogil=True, parallel=True)

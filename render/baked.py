@@ -12,7 +12,7 @@ Fails  : light within a cell comes from all of it, so shadows of lights that are
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import TracebackType
 from typing import Self
 
@@ -24,7 +24,13 @@ from lighting.export.residual import remove_lights
 from lighting.light_set import LightSet
 from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from lighting.sphere import harmonics
-from render.background import look_through, look_up, map_coordinates, picture_rays
+from render.background import (
+    look_through,
+    look_up,
+    map_coordinates,
+    picture_rays,
+    with_ground,
+)
 from render.casters import gather_casters
 from render.direction_cells import (
     direction_cells,
@@ -39,7 +45,8 @@ from render.map_pyramid import MapPyramid, map_pyramid
 from render.reaching_lights import reaching_lights
 from render.scene import Camera, Scene
 from render.surface_samples import mirror_tint, surface_samples
-from render.transport_kernel import TILE, add_transported, place, trace_transport
+from render.transport import NarrowLight, Transport
+from render.transport_kernel import TILE, place, trace_transport
 
 Array = NDArray[np.float64]
 
@@ -103,7 +110,7 @@ class BakedRenderer:
             self._surface[self._mirroring],
             scene.ground is not None,
         )
-        self._narrow: list[_Narrow] = []
+        self._narrow: list[NarrowLight] = []
 
         rays = picture_rays(camera, (width, height)).reshape(-1, 3)
         self._unseen, self._ground = np.flatnonzero(~seen.hit), np.flatnonzero(seen.ground)
@@ -135,13 +142,17 @@ class BakedRenderer:
         """Return the picture under `lights`, as `Renderer.render` does.
 
         Mirrors show the background too; without one, the lights. With `through_ground` the ground
-        shows what the background does there and carries shadows: objects stand in the room.
+        shows what the background does there, where that was seen, and carries shadows: objects
+        stand in the room.
         """
         directions, irradiance, radius_rad = reaching_lights(lights, self._scene)
         narrow = self._narrow_lights(irradiance, radius_rad)
         wide = ~narrow
         light = spread_over_cells(self._cells, directions[wide], irradiance[wide], radius_rad[wide])
         light += np.maximum(self._basis @ lights.fill, 0.0) * self._cells.solid_angle_sr
+        ground = self._unshaded(light, directions[narrow], irradiance[narrow])
+        if through_ground and background is not None:
+            background = with_ground(background, ground)
         picture = np.zeros((len(self._surface), 3, TILE), np.float32)
         peaks = narrow & (radius_rad <= _PEAK_RAD)
         shown = map_of_lights(lights, _NO_MAP_ROWS) if background is None else background
@@ -150,13 +161,13 @@ class BakedRenderer:
             shown, LightSet(directions[peaks], irradiance[peaks], radius_rad[peaks])
         )
         pyramid = map_pyramid(shown)
-        upper_only = self._scene.ground is not None
-        of_map = map_over_cells(pyramid.coarse(_CELL_ROWS), upper_only=upper_only)
+        of_map = map_over_cells(
+            pyramid.coarse(_CELL_ROWS), upper_only=self._scene.ground is not None
+        )
         self._sky.add(light, of_map, picture)
         self._remember(directions[narrow], irradiance[narrow], radius_rad[narrow], mirrored[narrow])
         for each in self._narrow:
             each.transport.add(each.irradiance[None], each.mirrored[None], picture)
-        ground = self._unshaded(light, directions[narrow], irradiance[narrow])
         self._reflect(pyramid, None if through_ground else ground, picture)
         return self._assembled(picture, background, ground if through_ground else None)
 
@@ -182,7 +193,7 @@ class BakedRenderer:
 
     def _trace(
         self, points: Array, *, from_alpha: float = 0.0, least_alpha: float = 0.0
-    ) -> "_Transport":
+    ) -> Transport:
         """Trace the transport of cells, each with points (D, S, 3).
 
         Surfaces mirror from a GGX width on, and as if they were no smoother than another.
@@ -211,7 +222,7 @@ class BakedRenderer:
         )
         matt_scale = self._matt * matt_step[:, None]
         mirror_scale = mirror_tint(self._f0[mirroring]) * mirror_step[:, None]
-        return _Transport(matt, matt_scale, mirroring, mirror, mirror_scale)
+        return Transport(matt, matt_scale, mirroring, mirror, mirror_scale)
 
     def _narrow_lights(self, irradiance: Array, radius_rad: Array) -> NDArray[np.bool_]:
         """Return which lights (K,) keep shadows of their own."""
@@ -239,7 +250,7 @@ class BakedRenderer:
                 transport = self._trace(
                     disc_points(direction, radius, rays)[None], least_alpha=apart
                 )
-                found = _Narrow(direction, float(radius), power, reflected, transport)
+                found = NarrowLight(direction, float(radius), power, reflected, transport)
             self._narrow.append(replace(found, irradiance=power, mirrored=reflected))
 
     def _assembled(
@@ -259,44 +270,3 @@ class BakedRenderer:
         n = self._samples_per_axis
         samples = out.reshape(height // n, n, width // n, n, 4)
         return samples[:, 0, :, 0] if n == 1 else samples.mean(axis=(1, 3), dtype=np.float32)
-
-
-@dataclass(frozen=True, eq=False)
-class _Transport:
-    """What samples pass on of the light of each cell, as `trace_transport` fills it.
-
-    The scales, (tiles, 3, TILE), are the radiance of a step under a unit of light.
-    """
-
-    matt: NDArray[np.uint8]
-    matt_scale: NDArray[np.float32]
-    mirroring: NDArray[np.intp]
-    mirror: NDArray[np.uint8]
-    mirror_scale: NDArray[np.float32]
-
-    def add(self, light: Array, mirrored: Array, picture: NDArray[np.float32]) -> None:
-        """Add the radiance under ∫L dω of each cell to `picture` (tiles, 3, TILE).
-
-        `light`, (D, 3), is what reaches matt surfaces, `mirrored` what the others show.
-        """
-        add_transported(self.matt, self.matt_scale, light.astype(np.float32), picture)
-        if len(self.mirroring) and mirrored.any():
-            shown = np.zeros((len(self.mirroring), *picture.shape[1:]), np.float32)
-            add_transported(self.mirror, self.mirror_scale, mirrored.astype(np.float32), shown)
-            picture[self.mirroring] += shown
-
-
-@dataclass(frozen=True, eq=False)
-class _Narrow:
-    """A narrow light and its transport."""
-
-    direction: Array
-    radius_rad: float
-    irradiance: Array
-    mirrored: Array
-    transport: _Transport
-
-    def is_near(self, direction: Array, radius_rad: float, still_rad: float) -> bool:
-        """Whether a light is so like this one that its transport serves."""
-        chord = float(np.linalg.norm(direction - self.direction))
-        return chord < still_rad and abs(radius_rad - self.radius_rad) < still_rad

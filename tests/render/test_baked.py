@@ -206,3 +206,16 @@ def test_through_the_ground_the_map_shows_in_the_shadows_of_the_objects(ctx):
     shade = grey[~ball, :3] / without[~ball, :3]
     assert shade.min() < 0.5
     np.testing.assert_allclose(mixed[~ball, :3], shade * floor[~ball, :3], rtol=0.02)
+
+
+def test_where_no_floor_was_seen_the_ground_stays_grey(ctx):
+    camera = replace(CAMERA, size_px=(40, 30))
+    environment = whole_map(np.random.default_rng(1).random((16, 32, 3), np.float32))
+    seen = environment.valid.copy()
+    seen[8:] = False
+    environment = replace(environment, valid=seen)
+    lights = one_light((0.6, 1.0, -0.3), angular_radius_rad=0.05)
+    with BakedRenderer(ctx, meshed(BALL), camera) as renderer:
+        grey = renderer.render(lights, environment)
+        mixed = renderer.render(lights, environment, through_ground=True)
+    np.testing.assert_allclose(mixed, grey, rtol=0.02, atol=1e-3)
