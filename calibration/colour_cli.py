@@ -61,7 +61,8 @@ def calibrate_colour(
         The centres of the corner patches in pixels, "x,y x,y x,y x,y": dark skin, bluish green,
         black, white. Without it the chart is searched for.
     light
-        What lit the chart: D65, D50, A or another name of colour-science's, or its CIE "x,y".
+        What lit the chart: D65, D50, A (a filament), FL2 (a fluorescent tube), LED-B3 or another
+        name of colour-science's; or its CIE "x,y", which says less of what it does to colours.
     exposures
         Exposure times in seconds, as for `import`; not for a recording.
     bracket
@@ -77,14 +78,14 @@ def calibrate_colour(
     from capture.merge import merge_bracket
 
     check_place(output, force=force)
-    white_xy = _white(light)
+    white_xy, spectrum = _white(light)
     measured = None if response is None else read_sensor(response)
     chosen, sensor = _read_bracket(sources, exposures, bracket, measured)
     image = merge_bracket(chosen, replace(sensor, colour_matrix=None, primaries="rec709"))
     corners_px = find_corners(image) if corners is None else _parse_corners(corners)
     patches = measure_patches(image, corners_px)
     old = np.eye(3) if sensor.colour_matrix is None else sensor.colour_matrix
-    fit = fit_colours(patches, reference_colours(white_xy), NEUTRALS, old)
+    fit = fit_colours(patches, reference_colours(white_xy, spectrum), NEUTRALS, old)
     calibrated = replace(
         sensor,
         colour_matrix=fit.matrix,
@@ -125,14 +126,14 @@ def _read_bracket(
     return chosen, sensor
 
 
-def _white(light: str) -> tuple[float, float]:
-    """Return CIE xy of a light by its name, or of "x,y"."""
-    from colour import CCS_ILLUMINANTS
+def _white(light: str) -> tuple[tuple[float, float], str]:
+    """Return CIE xy of a light by its name, or of "x,y"; and its name if its spectrum is known."""
+    from colour import CCS_ILLUMINANTS, SDS_ILLUMINANTS
 
     named = CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"]
     if light in named:
         x, y = named[light]
-        return float(x), float(y)
+        return (float(x), float(y)), light if light in SDS_ILLUMINANTS else ""
     try:
         x, y = (float(part) for part in light.split(","))
     except ValueError:
@@ -141,7 +142,7 @@ def _white(light: str) -> tuple[float, float]:
         ) from None
     if not (0 < x < 1 and 0.05 < y < 1 and x + y <= 1):
         raise InputError(f"--light: {light} is no light's chromaticity")
-    return x, y
+    return (x, y), ""
 
 
 def _parse_corners(text: str) -> list[list[float]]:

@@ -189,7 +189,7 @@ def colours() -> list[Case]:
 
 def _colour_error(camera: str, light: str) -> dict[str, float]:
     shape = colour.SpectralShape(400, 700, 10)
-    chart = colour.SDS_COLOURCHECKERS["BabelColor Average"].values()
+    chart = colour.SDS_COLOURCHECKERS["ISO 17321-1"].values()
     patches = np.array([each.copy().align(shape).values for each in chart])
     lamp = colour.SDS_ILLUMINANTS[light].copy().align(shape).values
     sensors = colour.MSDS_CAMERA_SENSITIVITIES[camera].copy().align(shape).values
@@ -199,7 +199,7 @@ def _colour_error(camera: str, light: str) -> dict[str, float]:
     measured = (patches * lamp) @ sensors / (lamp @ sensors[:, 1])
     measured *= 1 + 0.005 * np.random.default_rng(0).standard_normal(measured.shape)
     white_xy = colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"][light]
-    fit = fit_colours(measured, reference_colours(white_xy), NEUTRALS, np.eye(3))
+    fit = fit_colours(measured, reference_colours(white_xy, light), NEUTRALS, np.eye(3))
     balance = true[19] / measured[19]
 
     def delta_e(estimate: Array) -> float:

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import colour
 import cv2
 import msgspec
 import numpy as np
@@ -17,7 +18,7 @@ from calibration.colour_chart import (
 from calibration.colour_cli import calibrate_colour
 from calibration.colour_matrix import difference, fit_colours
 from capture.errors import InputError
-from capture.primaries import REC709
+from capture.primaries import REC709, rgb_to_xyz
 from capture.radiance import RadianceImage
 from capture.sensor_files import read_sensor
 
@@ -33,9 +34,9 @@ def chart(colours: Array, corners: Array = CORNERS) -> Array:
     """A picture (240, 320, 3) of a chart with black between its patches, on grey."""
     flat = np.full((460, 660, 3), 0.15)
     flat[30:430, 30:630] = 0.03
-    for patch, colour in enumerate(colours):
+    for patch, shown in enumerate(colours):
         row, column = divmod(patch, 6)
-        flat[40 + 100 * row : 120 + 100 * row, 40 + 100 * column : 120 + 100 * column] = colour
+        flat[40 + 100 * row : 120 + 100 * row, 40 + 100 * column : 120 + 100 * column] = shown
     centres = np.array([[80, 80], [580, 80], [580, 380], [80, 380]], np.float32)
     place = cv2.getPerspectiveTransform(centres, corners.astype(np.float32))
     return np.asarray(
@@ -60,6 +61,27 @@ def test_the_reference_is_the_published_chart() -> None:
     # Under a filament, white is as orange as the filament: x, y of A in Rec.709.
     lamp = reference_colours((0.44758, 0.40745))
     assert lamp[19, 0] > 1.5 * lamp[19, 1] > 3 * lamp[19, 2]
+
+
+def spectral(light: str) -> tuple[Array, Array]:
+    """Linear Rec.709 (24, 3) of a chart's spectra that are not those corrected by, and its xy."""
+    shape = colour.SpectralShape(400, 700, 10)
+    chart = colour.SDS_COLOURCHECKERS["ISO 17321-1"].values()
+    patches = np.array([each.copy().align(shape).values for each in chart])
+    lamp = colour.SDS_ILLUMINANTS[light].copy().align(shape).values
+    observer = "CIE 1931 2 Degree Standard Observer"
+    eye = colour.MSDS_CMFS[observer].copy().align(shape).values
+    xyz = (patches * lamp) @ eye / (lamp @ eye[:, 1])
+    return np.linalg.solve(rgb_to_xyz(REC709), xyz.T).T, colour.CCS_ILLUMINANTS[observer][light]
+
+
+@pytest.mark.parametrize(("light", "without"), [("A", 1.5), ("FL2", 4.0)])
+def test_the_reference_under_a_known_lamp_is_what_spectra_say(light: str, without: float) -> None:
+    true, white_xy = spectral(light)
+    assert difference(reference_colours(white_xy, light), true).mean() < 1.3
+    assert difference(reference_colours(white_xy), true).mean() > without
+    d50 = (0.34567, 0.35850)
+    np.testing.assert_allclose(reference_colours(d50, "D50"), reference_colours(d50), atol=1e-3)
 
 
 def test_patches_are_measured_where_the_corners_say() -> None:
@@ -140,7 +162,7 @@ def test_colours_without_a_chart_are_refused() -> None:
 
 
 def test_from_a_photograph_to_a_sensor(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    true = reference_colours(D65)
+    true = reference_colours(D65, "D65")
     counts = np.round(chart(true @ CAMERA.T) * 60000).astype(np.uint16)
     photograph, output = tmp_path / "chart.tiff", tmp_path / "sensor.json"
     cv2.imwrite(str(photograph), counts[..., ::-1])
