@@ -9,6 +9,7 @@ import pytest
 from calibration.files import read_calibration
 from capture.errors import CameraLost, UnreadableFrame
 from capture.frame import Bracket
+from capture.live_source import LiveSource
 from capture.recording import open_recording
 from capture.reopening import CameraAway
 from capture.v4l2.camera import CameraRequest
@@ -21,6 +22,7 @@ from render.live.results import Results
 from render.live.running import LiveRequest, Stop, run_live
 from render.live.session import LiveSession
 from render.live.settings import Settings
+from tests.capture.fake_camera import FakePort, scene
 from tests.render.live_recording import make_recording
 
 MODELS = load_models(())
@@ -312,6 +314,32 @@ def test_a_calibration_for_another_size_and_a_camera_that_is_not_there_are_state
         )
         run_live(request, desk, stop, is_patient=True)
         assert desk.newest.state.name == name
+
+
+def test_a_camera_exposes_as_is_asked_for_and_says_what_it_cannot_do(recording):
+    port = FakePort(scene(48, 64))
+    desk = Desk(Settings(exposures_s=(0.01, 0.001)), MODELS)
+    calibration = read_calibration(recording.calibration_path)
+    times_s = []
+
+    def work(bracket, _seen):
+        times_s.append([frame.exposure.time_s for frame in bracket.frames])
+        changes = {1: {"exposures_s": [0.02]}, 6: {"exposures_s": [1.0]}}
+        if len(times_s) in changes:
+            desk.change(changes[len(times_s)])
+        if len(times_s) == 12:
+            source.stop()
+
+    with LiveSource(
+        CameraRequest("fake"), exposures_s=(0.01, 0.001), open_camera=port.open
+    ) as source:
+        counters = LiveSession(desk, source, calibration, 32, Drawer(), work).run()
+    assert times_s[0] == [0.01, 0.001]
+    assert [0.02] in times_s[:5]
+    assert times_s[-1] == [0.02], "what cannot be done changes nothing"
+    assert desk.notice.is_error
+    assert "cannot expose for 1 s" in desk.notice.text
+    assert counters.captured == counters.replaced + counters.rendered
 
 
 def test_a_lost_camera_ends_the_session_with_its_error(recording):

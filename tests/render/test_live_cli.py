@@ -1,0 +1,57 @@
+"""`fishlight live` on the command line: it runs, ends, counts, and refuses in one line."""
+
+import re
+
+import pytest
+
+from render.main import main
+from tests.render.live_recording import make_recording
+
+pytestmark = pytest.mark.gl
+
+SMALL = ["--size", "32x24", "--height", "32", "--headless"]
+ANY_PORT = ["--port", "0"]
+
+
+def fishlight(*arguments):
+    with pytest.raises(SystemExit) as end:
+        main(list(map(str, arguments)))
+    return end.value.code
+
+
+def test_a_recording_played_once_is_accounted_for(tmp_path, capsys):
+    recording = make_recording(tmp_path / "r")
+    assert not fishlight("live", recording.folder, "--once", *SMALL, *ANY_PORT, "--count", "9")
+    address, _, account = capsys.readouterr().out.splitlines()
+    assert re.fullmatch(r"http://127\.0\.0\.1:\d+/\?token=[\w-]{43}", address)
+    counts = {name: int(count) for count, name in re.findall(r"(\d+) (\w+)", account)}
+    assert counts["captured"] == 3 == counts["replaced"] + counts["rendered"] + counts["failed"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--port", "70000"], "--port 70000: wanted 0 to 65535"),
+        (["--rate", "0"], "--rate 0: wanted more than 0"),
+        (["--frame-rate", "0"], "frame_rate_hz"),
+        (["--exposures", "1/0"], "no time in seconds"),
+        (["--count", "0"], "count"),
+        (["--count", "auto", "--method", "median-cut"], "--count auto is for"),
+        (["--origin", "*"], "--origin"),
+        (["--host", "203.0.113.7"], "--host 203.0.113.7"),
+        (["--mesh", "nothing.obj"], "nothing.obj"),
+        (["--calibration", "nothing.json"], "nothing.json"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line(tmp_path, capsys, arguments, message):
+    recording = make_recording(tmp_path / "r")
+    port = [] if "--port" in arguments else ANY_PORT
+    assert fishlight("live", recording.folder, "--once", *SMALL, *port, *arguments) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert message in line
+
+
+def test_a_camera_that_is_not_there_is_one_line(tmp_path, capsys):
+    assert fishlight("live", tmp_path / "nothing", *SMALL, *ANY_PORT) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "nothing" in line
