@@ -10,7 +10,7 @@ Domain : world frame, lat-long grid (CONVENTIONS.md), luminance constant over ea
          (summed_area.py). Unseen cells count as what they hold.
 Input  : EnvironmentMap.    Output : directions, irradiance and angular radius of each light.
 Cost   : one pass over the map and one over its blocks; blocks so bright that they want points
-         beyond the table are searched one by one, about 4 µs each. 3000 lights take little longer
+         beyond the table are searched one by one, about 1 µs each. 3000 lights take little longer
          than by inverse_cdf.py. The table is made once for each size of map.
 Fails  : what changes makes lights appear and vanish, at full power
          (tests/limits/test_penrose_popping.py); irradiance is twice as far off as inverse_cdf.py's;

@@ -73,9 +73,48 @@ def points_below(root, limit, left, right, bottom, top):  # type: ignore[no-unty
     """
     numbers = [np.int64(0) for _ in range(0)]
     points = [0j for _ in range(0)]
-    stack = [(root[0], root[1], root[2], True, True, np.int64(0), 1)]
-    while len(stack) > 0:
-        a, b, c, is_obtuse, is_large, number, level = stack.pop()
+    _add_points_below(root, limit, left, right, bottom, top, numbers, points)
+    return np.array(numbers), np.array(points)
+
+
+@njit(cache=True, nogil=True)
+def points_in_rectangles(root, limits, rectangles):  # type: ignore[no-untyped-def]
+    """Return what `points_below` does for each limit (m,) and rectangle (m, 4), one after the
+    other.
+
+    Returns
+    -------
+    numbers : (n,) int64
+    points : (n,) complex128
+    owners : (n,) int64
+        Index of the rectangle.
+    """
+    numbers = [np.int64(0) for _ in range(0)]
+    points = [0j for _ in range(0)]
+    owners = [0 for _ in range(0)]
+    for k in range(len(limits)):
+        left, right, bottom, top = rectangles[k]
+        _add_points_below(root, limits[k], left, right, bottom, top, numbers, points)
+        owners += [k] * (len(numbers) - len(owners))
+    return np.array(numbers), np.array(points), np.array(owners)
+
+
+@njit(cache=True, nogil=True)
+def _add_points_below(root, limit, left, right, bottom, top, numbers, points):  # type: ignore[no-untyped-def]
+    """Append to lists what `points_below` returns."""
+    # What waits to be looked at is in arrays: a list of tuples takes four times as long.
+    corners = np.empty((2 * _MOST_LEVELS, 3), np.complex128)
+    places = np.empty((2 * _MOST_LEVELS, 2), np.int64)
+    kinds = np.empty((2 * _MOST_LEVELS, 2), np.bool_)
+    corners[0] = root
+    places[0] = 0, 1
+    kinds[0] = True
+    waiting = 1
+    while waiting > 0:
+        waiting -= 1
+        a, b, c = corners[waiting]
+        number, level = places[waiting]
+        is_obtuse, is_large = kinds[waiting]
         if (
             max(a.real, b.real, c.real) < left
             or min(a.real, b.real, c.real) > right
@@ -91,40 +130,20 @@ def points_below(root, limit, left, right, bottom, top):  # type: ignore[no-unty
                 numbers.append(number)
                 points.append(point)
             continue
+        places[waiting] = number, level + 1
         if not is_large:
-            stack.append((a, b, c, is_obtuse, True, number, level + 1))
+            kinds[waiting] = is_obtuse, True
+            waiting += 1
             continue
-        small_number = number + _FIBONACCI[level + 1]
+        places[waiting + 1] = number + _FIBONACCI[level + 1], level + 1
+        kinds[waiting] = not is_obtuse, True
+        kinds[waiting + 1] = is_obtuse, False
         if is_obtuse:
             cut = b + (c - b) / _GOLDEN
-            stack.append((b, a, cut, False, True, number, level + 1))
-            stack.append((cut, a, c, True, False, small_number, level + 1))
+            corners[waiting, 0], corners[waiting, 1], corners[waiting, 2] = b, a, cut
+            corners[waiting + 1, 0], corners[waiting + 1, 1], corners[waiting + 1, 2] = cut, a, c
         else:
             cut = a + (b - a) / _GOLDEN
-            stack.append((cut, c, a, True, True, number, level + 1))
-            stack.append((c, b, cut, False, False, small_number, level + 1))
-    return np.array(numbers), np.array(points)
-
-
-@njit(cache=True, nogil=True)
-def points_in_rectangles(root, limits, rectangles):  # type: ignore[no-untyped-def]
-    """Return what `points_below` does for each limit (m,) and rectangle (m, 4), in their order.
-
-    Returns
-    -------
-    numbers : (n,) int64
-    points : (n,) complex128
-    owners : (n,) int64
-        Index of the rectangle.
-    """
-    numbers = [np.int64(0) for _ in range(0)]
-    points = [0j for _ in range(0)]
-    owners = [0 for _ in range(0)]
-    for k in range(len(limits)):
-        left, right, bottom, top = rectangles[k]
-        some_numbers, some_points = points_below(root, limits[k], left, right, bottom, top)
-        for i in np.argsort(some_numbers):
-            numbers.append(some_numbers[i])
-            points.append(some_points[i])
-            owners.append(k)
-    return np.array(numbers), np.array(points), np.array(owners)
+            corners[waiting, 0], corners[waiting, 1], corners[waiting, 2] = cut, c, a
+            corners[waiting + 1, 0], corners[waiting + 1, 1], corners[waiting + 1, 2] = c, b, cut
+        waiting += 2
