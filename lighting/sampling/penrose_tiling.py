@@ -79,8 +79,7 @@ def points_below(root, limit, left, right, bottom, top):  # type: ignore[no-unty
 
 @njit(cache=True, nogil=True)
 def points_in_rectangles(root, limits, rectangles):  # type: ignore[no-untyped-def]
-    """Return what `points_below` does for each limit (m,) and rectangle (m, 4), one after the
-    other.
+    """Return what `points_below` does for each limit (m,) and rectangle (m, 4), in turn.
 
     Returns
     -------
