@@ -125,7 +125,7 @@ def _add_points_below(root, limit, left, right, bottom, top, numbers, points):  
         first = level if is_large else level + 1
         if first > _MOST_LEVELS or number + _FIBONACCI[first + 1] >= limit:
             point = b + (c - b) / _GOLDEN**2 if is_obtuse else a + (c - a) / _GOLDEN
-            if number < limit and left <= point.real <= right and bottom <= point.imag <= top:
+            if left <= point.real <= right and bottom <= point.imag <= top:
                 numbers.append(number)
                 points.append(point)
             continue
