@@ -20,6 +20,9 @@ from calibration.lens.adjust import Adjusted
 
 Array = NDArray[np.float64]
 
+_ROUNDING = 1e-13
+"""Share of the best known direction's information below which nothing is known of another."""
+
 _DETERMINED = 1e-6
 """Share of the information that has to remain without a view, or its leaving out tells nothing."""
 
@@ -27,41 +30,43 @@ _DETERMINED = 1e-6
 def covariance_of(adjusted: Adjusted, variance: float, lens_count: int) -> Array:
     """Return the covariance (G, G) of what was adjusted; `variance` is that of a coordinate.
 
-    The first `lens_count` of the G numbers are the lens's.
+    The first `lens_count` of the G numbers, one or more, are the lens's.
     """
-    whole = _inverse(adjusted.information.sum(axis=0))
-    of_noise = max(_disagreement(adjusted, variance, lens_count), 1.0) * variance * whole
-    return np.asarray((of_noise + _jackknife(adjusted, whole)) / 2.0)
+    root = _inverse_root(adjusted.information.sum(axis=0))
+    shares = root.T @ adjusted.information @ root
+    pulls = adjusted.pull @ root
+    lens, _ = np.linalg.qr(root[:lens_count].T)
+    excess = _disagreement(lens.T @ shares @ lens, pulls @ lens) / variance
+    of_noise = max(excess, 1.0) * variance * np.eye(len(shares[0]))
+    return np.asarray(root @ (of_noise + _jackknife(shares, pulls)) @ root.T / 2.0)
 
 
-def _jackknife(adjusted: Adjusted, whole: Array) -> Array:
-    """Return the covariance that the changes tell which leaving out each view would make.
+def _inverse_root(information: Array) -> Array:
+    """Return A (G, K) with A Aᵀ the inverse (G, G), but for the G − K directions without any.
 
-    Of the linearised equations; `whole` (G, G) is the inverse of all views' information.
+    Along its columns the information is 1, and each view has a share (K, K) in it.
     """
-    views = len(adjusted.information)
-    remaining = np.eye(len(whole)) - adjusted.information @ whole
-    changes = (np.linalg.pinv(remaining, rcond=_DETERMINED) @ adjusted.pull[..., None])[..., 0]
-    changes = changes @ whole
+    scale = 1.0 / np.sqrt(np.maximum(information.diagonal(), np.finfo(np.float64).tiny))
+    known, directions = np.linalg.eigh(information * scale * scale[:, None])
+    some = known > _ROUNDING * known[-1]
+    return np.asarray(scale[:, None] * directions[:, some] / np.sqrt(known[some]))
+
+
+def _disagreement(shares: Array, pulls: Array) -> float:
+    """Return the variance of a coordinate that the views' pulls (V, K) tell, of their shares.
+
+    A view pulls the less the more part it has itself in the lens that it is compared with.
+    """
+    expected = np.einsum("vii->", shares) - np.einsum("vij,vji->", shares, shares)
+    return float(np.sum(pulls**2) / expected)
+
+
+def _jackknife(shares: Array, pulls: Array) -> Array:
+    """Return the covariance (K, K) of the changes that leaving out each view would make.
+
+    To first order, from the views' shares (V, K, K) and pulls (V, K).
+    """
+    views, size = pulls.shape
+    rest = np.linalg.pinv(np.eye(size) - shares, rcond=_DETERMINED, hermitian=True)
+    changes = np.einsum("vij,vj->vi", rest, pulls)
     return np.asarray((views - 1) / views * changes.T @ changes)
-
-
-def _disagreement(adjusted: Adjusted, variance: float, lens_count: int) -> float:
-    """Return the variance between views over what independent corners of that variance explain.
-
-    The sum of squares of the views' pulls is compared with what is expected of it, which takes into
-    account that every view has part in the lens that it is compared with.
-    """
-    if lens_count == 0:
-        return 1.0
-    rows = _inverse(adjusted.information.sum(axis=0))[:lens_count]
-    metric = _inverse(rows[:, :lens_count])
-    change = adjusted.pull @ rows.T
-    own = rows @ adjusted.information @ rows.T
-    expected = own - own @ metric @ own
-    found = np.einsum("vi,ij,vj->", change, metric, change)
-    return float(found / (variance * np.einsum("ij,vji->", metric, expected)))
-
-
-def _inverse(symmetric: Array) -> Array:
-    return np.asarray(np.linalg.pinv(symmetric, hermitian=True))
