@@ -68,6 +68,8 @@ def lights(
         f"{output}: {'; '.join(_about(light_set))}; "
         f"∫ L dω {red:.4g} {green:.4g} {blue:.4g} ({light_set.scale} × sr)"
     )
+    if error is None and len(light_set) < most:
+        print(f"  {len(light_set)} instead of {most}: {_why_fewer(light_set)}")
     if error is not None and (light_set.predicted_error or 0.0) > error:
         print(f"  the error of {error:g} is not met: no more than {most} lights are tried")
     for remark in cleaned.remarks:
@@ -89,6 +91,13 @@ def _lights_of_picture(
         camera, image, most, method, error=error, fill=fill, source=picture.name
     )
     return light_set, cleaned
+
+
+def _why_fewer(lights: LightSet) -> str:
+    if not any(lights.integral()):
+        return "there is no light"
+    beside = " beside the fill" if lights.fill.any() else ""
+    return f"no more are needed to hold all the light{beside}"
 
 
 def _about(lights: LightSet) -> list[str]:

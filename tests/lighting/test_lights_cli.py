@@ -18,7 +18,7 @@ from lighting.maps.environment_files import read_environment, write_environment
 from lighting.reduce import METHODS, reduce_to_lights
 from lighting.remap_cli import remap
 from render.main import main
-from tests.environments import environment, outdoors
+from tests.environments import constant, environment, one_hot, outdoors
 
 DATA = Path(__file__).resolve().parents[2].parent / "shared/data"
 
@@ -50,6 +50,21 @@ def test_says_nothing_of_what_a_method_does_not_have(map_path, tmp_path, capsys)
     lights(map_path, output=tmp_path / "lights.json", count=10, method="inverse-cdf")
     printed = capsys.readouterr().out
     assert "map.exr: 10 lights by inverse-cdf; ∫ L dω" in printed
+
+
+@pytest.mark.parametrize(
+    ("view", "method", "why"),
+    [
+        (one_hot(), "cells", "1 instead of 8: no more are needed to hold all the light\n"),
+        (constant(), "adaptive", "0 instead of 8: no more are needed to hold all the light beside"),
+        (environment(np.zeros((8, 16))), "adaptive", "0 instead of 8: there is no light"),
+    ],
+)
+def test_says_why_there_are_fewer_lights(view, method, why, tmp_path, capsys):
+    path = tmp_path / "map.exr"
+    write_environment(path, view)
+    lights(path, output=tmp_path / "lights.json", count=8, method=method)
+    assert why in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("error", [None, 0.2, 0.01])
