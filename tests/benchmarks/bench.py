@@ -20,7 +20,17 @@ from typing import Any
 from tests.benchmarks.chart import draw_rows
 
 HERE = Path(__file__).parent
-STAGES = ("pipeline", "merge", "camera", "remap", "source", "lights", "render")
+STAGES = (
+    "pipeline",
+    "merge",
+    "camera",
+    "remap",
+    "source",
+    "lights",
+    "light_figures",
+    "render",
+    "loop",
+)
 
 
 def machine() -> dict[str, Any]:

@@ -63,7 +63,7 @@ Stages = Callable[[RadianceImage], Any]
 def run(repeats: int) -> list[dict[str, Any]]:
     """Return a row per stage and system, and one for capture to lights."""
     with tempfile.TemporaryDirectory() as folder:
-        recording = _recording(Path(folder))
+        recording = recording_of_a_turning_sky(Path(folder), BRACKETS, 0.2, 2.0)
         systems: dict[str, Callable[[int], Times]] = {
             "fishlight": _ours(recording),
             "OpenCV + median cut": _peer(recording),
@@ -109,11 +109,16 @@ def run(repeats: int) -> list[dict[str, Any]]:
     ]
 
 
-def _recording(folder: Path) -> Recording:
-    """Return a recording of `BRACKETS` brackets of a turning sky."""
+def recording_of_a_turning_sky(
+    folder: Path, brackets: int, turn_rad_per_s: float, rate_hz: float
+) -> Recording:
+    """Return a recording that is made in a folder."""
+    folder.mkdir(exist_ok=True)
     calibration_path = folder / "calibration.json"
     write_calibration(calibration_path, CAMERA)
-    moments = scenario([outdoors(256)], bracket_count=BRACKETS, rate_hz=2.0, yaw_rad_per_s=0.2)
+    moments = scenario(
+        [outdoors(256)], bracket_count=brackets, rate_hz=rate_hz, yaw_rad_per_s=turn_rad_per_s
+    )
     simulate_recording(
         folder / "recording",
         moments,
