@@ -121,9 +121,9 @@ def replay(
     GlUnavailable
         If there is no OpenGL context.
     """
+    check_output(output, force=force)
     recording = open_recording(recording_folder)
     calibration = _calibration(recording, calibration_path)
-    check_output(output, force=force)
     remap = build_remap(calibration, map_height)
     source_blocks = (
         build_source_blocks(calibration, plan.block_rows) if plan.method in BLOCK_METHODS else None

@@ -65,3 +65,9 @@ def test_a_file_that_exists_is_kept_and_refused_before_anything_is_read(command,
     with pytest.raises(InputError, match=r"out.* exists; give --force to replace it"):
         run(*tokens(command, place))
     assert place.read_text() == "mine"
+
+
+def test_replay_refuses_a_folder_with_something_else_before_it_reads(tmp_path):
+    (tmp_path / "mine.txt").write_text("mine")
+    with pytest.raises(InputError, match="is not empty; give --force"):
+        run("replay", "none", "-o", tmp_path)
