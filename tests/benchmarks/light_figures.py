@@ -1,4 +1,4 @@
-"""Light reduction beyond the chart: scenes that nothing was tuned on, and 3000 samples.
+"""Light reduction beyond the chart: scenes held out of tuning, and 3000 samples.
 
 64 lights: medians of the chart's errors over 18 captured scenes, and over the nine that are held
 out (tests/captured_maps.py), each map in its own size. 3000 lights: of a made map, 1024×512. Times
