@@ -1,7 +1,7 @@
 """`fishlight calibrate import` and `export`: camera files of other programs."""
 
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -9,9 +9,14 @@ from calibration.camera import LEVEL, Calibration
 from calibration.files import read_calibration, write_calibration
 from calibration.formats import FORMATS, read_camera
 from calibration.formats.foreign import NoCounterpart, as_calibration
+from calibration.models import MODELS
+from calibration.models.kannala_brandt import KannalaBrandt
 from capture.arguments import Output
 from capture.errors import InputError
 from capture.output import check_place, write_text
+
+if TYPE_CHECKING:
+    from calibration.formats.approximation import Approximation
 
 FormatName = Literal["mrcal", "ocamcalib", "nerfstudio", "kalibr", "opencv", "colmap"]
 
@@ -21,6 +26,7 @@ def import_calibration(
     *,
     output: Output,
     camera: str = "",
+    approximate: bool = False,
     valid_angle_deg: float | None = None,
     force: bool = False,
 ) -> None:
@@ -37,6 +43,9 @@ def import_calibration(
         The calibration file, cal.json.
     camera
         Which camera, where a file holds several: Kalibr's cam1, COLMAP's number.
+    approximate
+        If no lens here is that of the file (mrcal's splined ones), take the nearest up to
+        --valid-angle-deg, and print its error.
     valid_angle_deg
         Angle from the axis up to which the lens was measured. No such file tells; without it, all
         of the picture is taken for valid.
@@ -52,10 +61,28 @@ def import_calibration(
         calibration = as_calibration(found, valid_angle_rad)
     except InputError as error:
         raise InputError(f"{file}: {error}") from None
+    remark = ""
+    if found.model.name not in MODELS:
+        if not approximate:
+            raise InputError(
+                f"{file}: no lens here projects as {found.model.name} does; with --approximate the "
+                "nearest is fitted and its error printed"
+            )
+        if valid_angle_deg is None:
+            raise InputError(
+                f"{file}: a splined lens means nothing beyond what was measured, where another "
+                "would follow it: give --valid-angle-deg with --approximate"
+            )
+        # Here, so that an exact import does not wait for scipy.
+        from calibration.formats.approximation import approximate as follow
+
+        near = follow(calibration, KannalaBrandt)
+        calibration = near.calibration
+        remark = _remark(found.model.name, near)
     write_calibration(output, calibration, force=force)
     width, height = found.image_size_px
     print(
-        f"{output}: {found.model.name} for {width}×{height} px from {name}, valid to "
+        f"{output}: {calibration.model.name} for {width}×{height} px from {name}{remark}, valid to "
         f"{np.rad2deg(calibration.valid_angle_rad):.1f}°"
         + ("" if valid_angle_deg is not None else ": as far as picture and model reach")
     )
@@ -91,28 +118,28 @@ def export_calibration(
     try:
         text = FORMATS[format].write(camera)
     except NoCounterpart as error:
-        nearest = FORMATS[format].nearest
-        if nearest is None:
-            known = str(error).split(";")[0]
-            raise InputError(f"{calibration}: {known}, and none that can be fitted") from None
         if not approximate:
             raise InputError(f"{calibration}: {error}") from None
         # Here, so that an exact export does not wait for scipy.
         from calibration.formats.approximation import approximate as follow
 
         try:
-            near = follow(camera, nearest)
+            near = follow(camera, FORMATS[format].nearest)
         except InputError as failure:
             raise InputError(f"{calibration}: {failure}") from None
         written = near.calibration
         text = FORMATS[format].write(written)
-        remark = (
-            f", an approximation of {camera.model.name}: off by {1e3 * near.rms_rad:.2g} mrad rms, "
-            f"{1e3 * near.max_rad:.2g} at most"
-        )
+        remark = _remark(camera.model.name, near)
     write_text(output, text, force=force)
     print(f"{output}: {written.model.name} for {format}{remark}")
     print(f"  left out, for want of a place: {', '.join(_left_out(camera))}")
+
+
+def _remark(name: str, near: "Approximation") -> str:
+    return (
+        f", an approximation of {name}: off by {1e3 * near.rms_rad:.2g} mrad rms, "
+        f"{1e3 * near.max_rad:.2g} at most"
+    )
 
 
 def _left_out(camera: Calibration) -> list[str]:

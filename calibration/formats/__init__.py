@@ -7,6 +7,7 @@ from typing import NamedTuple
 from calibration.camera import Calibration
 from calibration.formats import colmap, kalibr, mrcal, nerfstudio, ocamcalib, opencv
 from calibration.formats.foreign import ForeignCamera
+from calibration.formats.splined_stereographic import SplinedStereographic
 from calibration.models.kannala_brandt import KannalaBrandt
 from calibration.models.ocam import OCam
 from capture.errors import InputError
@@ -20,17 +21,17 @@ class Format(NamedTuple):
 
     `read` takes the text and the name of one of its cameras, "" for the only one; it and `write`
     raise InputError without the name of the file. `nearest` is what a lens without a counterpart is
-    approximated by, if the format has such a model.
+    approximated by.
     """
 
     recognises: Callable[[str], bool]
     read: Callable[[str, str], ForeignCamera]
     write: Callable[[Calibration], str]
-    nearest: type[KannalaBrandt] | type[OCam] | None
+    nearest: type[KannalaBrandt] | type[OCam] | type[SplinedStereographic]
 
 
 FORMATS: dict[str, Format] = {
-    "mrcal": Format(mrcal.recognises, mrcal.read, mrcal.write, None),
+    "mrcal": Format(mrcal.recognises, mrcal.read, mrcal.write, SplinedStereographic),
     "ocamcalib": Format(ocamcalib.recognises, ocamcalib.read, ocamcalib.write, OCam),
     "nerfstudio": Format(nerfstudio.recognises, nerfstudio.read, nerfstudio.write, KannalaBrandt),
     "kalibr": Format(kalibr.recognises, kalibr.read, kalibr.write, KannalaBrandt),

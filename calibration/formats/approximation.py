@@ -6,20 +6,22 @@ Fails  : a fit is only as good as its model: look at the error before the file i
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from calibration.camera import Calibration, CameraModel
-from calibration.formats.foreign import focal_pair
+from calibration.formats.splined_stereographic import SplinedStereographic, splined_through
 from calibration.models.kannala_brandt import KannalaBrandt
 from calibration.models.ocam import OCam
 from calibration.models.parameters import parameters, with_parameters
 from capture.errors import InputError
 
-_GRID = 48
+Nearest = type[KannalaBrandt] | type[OCam] | type[SplinedStereographic]
+
+_GRID = 72
 """Pixels along either side that are fitted."""
 
 _OCAM_TERMS = 5
@@ -40,9 +42,7 @@ class Approximation:
     max_rad: float
 
 
-def approximate(
-    calibration: Calibration, nearest: type[KannalaBrandt] | type[OCam]
-) -> Approximation:
+def approximate(calibration: Calibration, nearest: Nearest) -> Approximation:
     """Return the calibration with its lens replaced by the nearest one of a model.
 
     Raises
@@ -52,18 +52,12 @@ def approximate(
     """
     pixels = _seen_pixels(calibration)
     directions, _ = calibration.model.unproject(pixels)
-    start = _start(calibration, nearest)
-
-    def residual(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        projected, valid = with_parameters(start, values).project(directions)
-        return np.where(valid[:, None], projected - pixels, _MISSED_PX).ravel()
-
-    def jacobian(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        _, by_parameters = with_parameters(start, values).project_jacobian(directions)
-        return np.nan_to_num(by_parameters).reshape(-1, len(values))
-
-    fit = least_squares(residual, parameters(start), jacobian, x_scale="jac", max_nfev=100)
-    model = with_parameters(start, fit.x)
+    centre_px, focal_px = _paraxial(calibration)
+    if issubclass(nearest, SplinedStereographic):
+        splined = splined_through(directions, pixels, centre_px, focal_px)
+        model = cast("CameraModel", splined)  # all but the Jacobians, which nothing here needs
+    else:
+        model = _fitted(directions, pixels, _start(centre_px, focal_px, nearest))
     followed, valid = model.unproject(pixels)
     if not np.all(valid):
         raise InputError(
@@ -79,6 +73,23 @@ def approximate(
     )
 
 
+def _fitted(
+    directions: NDArray[np.float64], pixels: NDArray[np.float64], start: CameraModel
+) -> CameraModel:
+    """Return the model whose pixels of directions (n, 3) are nearest to pixels (n, 2)."""
+
+    def residual(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        projected, valid = with_parameters(start, values).project(directions)
+        return np.where(valid[:, None], projected - pixels, _MISSED_PX).ravel()
+
+    def jacobian(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        _, by_parameters = with_parameters(start, values).project_jacobian(directions)
+        return np.nan_to_num(by_parameters).reshape(-1, len(values))
+
+    fit = least_squares(residual, parameters(start), jacobian, x_scale="jac", max_nfev=100)
+    return with_parameters(start, fit.x)
+
+
 def _seen_pixels(calibration: Calibration) -> NDArray[np.float64]:
     width, height = calibration.image_size_px
     x, y = np.meshgrid(
@@ -89,8 +100,8 @@ def _seen_pixels(calibration: Calibration) -> NDArray[np.float64]:
     return np.asarray(pixels[seen])
 
 
-def _start(calibration: Calibration, nearest: type[KannalaBrandt] | type[OCam]) -> CameraModel:
-    """Return an equidistant lens of the model with the calibration's centre and scale there."""
+def _paraxial(calibration: Calibration) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the pixel on the lens's axis, and its pixels per radian there, in x and y."""
     if calibration.model.axis_z < 0:
         raise InputError("a mirror ball's picture is mirrored: no lens is near it")
     on_axis = np.array([[0.0, 0.0, 1.0]])
@@ -99,9 +110,18 @@ def _start(calibration: Calibration, nearest: type[KannalaBrandt] | type[OCam]) 
     beside = np.array([[np.sin(step), 0.0, np.cos(step)], [0.0, np.sin(step), np.cos(step)]])
     moved = calibration.model.project(beside)[0] - centre
     fx, fy = np.linalg.norm(moved, axis=1) / step
-    centre_px: Any = tuple(centre.tolist())
+    return (float(centre[0]), float(centre[1])), (float(fx), float(fy))
+
+
+def _start(
+    centre_px: tuple[float, float],
+    focal_px: tuple[float, float],
+    nearest: type[KannalaBrandt] | type[OCam],
+) -> CameraModel:
+    """Return an equidistant lens of the model."""
+    fx, fy = focal_px
     if nearest is OCam:
         # The ray of an equidistant lens has z = ρ / tan ρ = 1 − ρ²/3 − ρ⁴/45 …
         terms = (-1 / 3, 0.0, -1 / 45, *[0.0] * (_OCAM_TERMS - 3))
-        return OCam(centre_px, float(fx), terms, c=float(fy / fx))
-    return KannalaBrandt(centre_px, focal_pair((float(fx), float(fy))))
+        return OCam(centre_px, fx, terms, c=fy / fx)
+    return KannalaBrandt(centre_px, focal_px)

@@ -63,8 +63,18 @@ def test_an_approximation_is_made_on_demand_alone(
     told = capsys.readouterr().out
     assert "an approximation of equisolid: off by" in told
     assert "vignetting, R_world_camera" in told
-    with pytest.raises(InputError, match="none that can be fitted"):
-        run("export", ours, "-o", tmp_path / "m", "--format", "mrcal", "--approximate")
+    mrcals, back = tmp_path / "m.cameramodel", tmp_path / "back.json"
+    run("export", ours, "-o", mrcals, "--format", "mrcal", "--approximate")
+    assert "splined_stereographic for mrcal" in capsys.readouterr().out
+    with pytest.raises(InputError, match=r"m\.cameramodel: no lens here .*--approximate"):
+        run("import", mrcals, "-o", back)
+    with pytest.raises(InputError, match="give --valid-angle-deg with --approximate"):
+        run("import", mrcals, "-o", back, "--approximate")
+    run("import", mrcals, "-o", back, "--approximate", "--valid-angle-deg", 80)
+    assert "from mrcal, an approximation of splined_stereographic" in capsys.readouterr().out
+    pixels = np.array([[80.0, 60.0], [200.0, 150.0], [310.0, 220.0]])
+    found, _ = read_calibration(back).model.unproject(pixels)
+    np.testing.assert_allclose(found, lens.unproject(pixels)[0], atol=2e-4)
 
 
 def test_a_file_that_exists_is_kept(cameras: Path, tmp_path: Path) -> None:
