@@ -48,8 +48,8 @@ async def watch(address: str, path: str, until_s: float) -> int:
                 length = int.from_bytes(message.data[:4], "little")
                 shown = json.loads(message.data[4 : 4 + length])["number"]
                 said = {"shown": shown}
-                if count % 200 == 0:
-                    said["set"] = CHANGES[count // 200 % len(CHANGES)]
+                if count % 40 == 0:
+                    said["set"] = CHANGES[count // 40 % len(CHANGES)]
                 await socket.send_str(json.dumps(said))
     return count
 
