@@ -13,6 +13,7 @@ from lighting.maps.environment_files import read_environment
 from render.default_scene import default_scene, frame_meshes
 from render.gl import create_context
 from render.mesh import load_meshes
+from render.occlusion_cli import check_occlusion_flags, draw_occlusion
 from render.pictures import check_picture_suffix, write_picture
 from render.reference_cli import read_light, trace_picture, write_reference
 from render.renderer import Renderer
@@ -34,6 +35,9 @@ def render(
     environment: Annotated[Path | None, Parameter(name="--map")] = None,
     error: float | None = None,
     seconds: float | None = None,
+    ao: bool = False,
+    cone_deg: float | None = None,
+    max_distance_m: float | None = None,
     force: bool = False,
 ) -> None:
     """Render a scene under the lights of a file, with a shadow map for each.
@@ -64,6 +68,12 @@ def render(
         Relative error of the picture to trace until, 0.01 unless --seconds are given.
     seconds
         Time to trace for.
+    ao
+        Draw ambient occlusion alone: how open the sky is over each point. Needs no light.
+    cone_deg
+        Full opening of the cone about the normal in which it is open or not; 180 if not given.
+    max_distance_m
+        Farther objects do not count.
     force
         Replace the output if it exists.
     """
@@ -71,6 +81,12 @@ def render(
     fixed_ev = parse_exposure(exposure_ev)
     check_picture_suffix(output)
     check_place(output, force=force)
+    check_occlusion_flags(ao, cone_deg, max_distance_m)
+    if ao:
+        scene, camera = scene_to_render(mesh, size_px)
+        about = draw_occlusion(output, scene, camera, cone_deg, max_distance_m, force=force)
+        print(f"{output}: {about}")
+        return
     behind, cleaned = (None, None) if background is None else read_environment(background)
     if reference:
         light, about = read_light(lights, environment)

@@ -8,6 +8,7 @@ from capture.arguments import parse_size
 from capture.errors import InputError
 from capture.exr import read_exr
 from capture.pictures import read_picture
+from capture.sensor import srgb_encode
 from lighting.light_files import write_lights
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import write_environment
@@ -118,3 +119,22 @@ def test_sizes_and_exposures():
 def test_a_wrong_suffix_is_refused_before_any_work(tmp_path):
     with pytest.raises(InputError, match=r"\.png or \.exr"):
         render(lights=tmp_path / "missing.json", output=tmp_path / "p.jpeg")
+
+
+def test_ambient_occlusion_alone_needs_no_light(tmp_path, capsys):
+    (tmp_path / "m.obj").write_text(OBJ)
+    render(output=tmp_path / "ao.exr", mesh=tmp_path / "m.obj", size="40x30", ao=True, cone_deg=90)
+    render(output=tmp_path / "ao.png", mesh=tmp_path / "m.obj", size="40x30", ao=True, cone_deg=90)
+    channels = read_exr(tmp_path / "ao.exr").channels
+    coded = read_picture(tmp_path / "ao.png")
+    assert 0.3 < channels["G"][channels["A"] == 1].min() < 0.95
+    whole = channels["A"] == 1
+    np.testing.assert_allclose(
+        coded[whole][:, 1], 255 * srgb_encode(channels["G"][whole]), atol=0.51
+    )
+    assert "ambient occlusion, cone 90°, mean 0." in capsys.readouterr().out
+
+
+def test_flags_of_ambient_occlusion_without_it(tmp_path, lights):
+    with pytest.raises(InputError, match="are for --ao"):
+        render(output=tmp_path / "p.png", lights=lights, cone_deg=90)
