@@ -28,6 +28,8 @@ STAGES = (
     "source",
     "lights",
     "light_figures",
+    "ball",
+    "photometry",
     "render",
     "loop",
 )

@@ -6,11 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.ball import pose
+from calibration.ball import ASSUMED_RATIO, fit_ball, pose
+from calibration.ball_cone import distant_pinhole
+from calibration.ball_outline import marked_outline
 from calibration.camera import Calibration
 from calibration.files import write_calibration
 from calibration.models.mirror_ball import MirrorBall
 from capture.errors import InputError
+from capture.importing import read_photo_bracket
+from capture.merge import merge_bracket
 from capture.radiance import RadianceImage
 from capture.radiance_files import write_radiance
 from lighting.combine_cli import combine
@@ -147,3 +151,24 @@ def test_the_command_makes_a_map(tmp_path: Path, capsys: pytest.CaptureFixture[s
         combine(radiance, calibration=[calibrations[0]] * 3, output=tmp_path / "c.exr")
     with pytest.raises(InputError, match="--hide-deg"):
         combine(radiance, calibration=calibrations, output=tmp_path / "c.exr", hide_deg=-1.0)
+
+
+@pytest.mark.data
+def test_two_crops_of_a_real_ball_become_one_map() -> None:
+    folder = Path(__file__).resolve().parents[2].parent / "shared/data/brackets-mirrorball-uiuc"
+    if not folder.exists():
+        pytest.skip("brackets-mirrorball-uiuc is not there")
+    views = []
+    marks = {"10": (242, 233, 230), "160": (249, 233, 230)}
+    for name, marked in marks.items():  # 1/10 and 1/160 s, as EXIF tells
+        photograph, sensor, _ = read_photo_bracket([folder / f"Materials/{name}.JPG"])
+        image = merge_bracket(photograph, sensor)
+        pinhole = distant_pinhole(image.size_px)
+        outline = marked_outline(np.array(marked, float), 3.0, pinhole)
+        fit = fit_ball(outline, image.size_px, pinhole, ASSUMED_RATIO)
+        views.append(View(image, fit.calibration))
+    aligned, turns = align_views(views)
+    assert all(turn.correlation > 0.9 for turn in turns)
+    brightest = [combine_views(some, 64)[0].radiance.max() for some in (aligned[:1], aligned)]
+    # Each is clipped at what it can show: the shortest at 16 times what the longest shows.
+    assert brightest[1] > 10 * brightest[0]

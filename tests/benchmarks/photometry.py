@@ -66,7 +66,7 @@ def run(repeats: int) -> list[dict[str, Any]]:
             figures = accuracy()
             rows.append(
                 {
-                    "stage": "light",
+                    "stage": "photometry",
                     "case": f"{name}: {case}",
                     "system": "fishlight",
                     "ms": (time.perf_counter() - start_s) * 1e3,
