@@ -32,6 +32,7 @@ STAGES = (
     "photometry",
     "render",
     "loop",
+    "reference",
 )
 
 

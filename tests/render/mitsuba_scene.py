@@ -19,7 +19,7 @@ from capture.sensor import srgb_decode
 from lighting.maps.environment import EnvironmentMap
 from render.scene import Camera, Material, Mesh, Scene
 
-_FINER = 8  # Mitsuba interpolates between texels: so many of them make a cell nearly constant
+_FINE_ROWS = 512  # Mitsuba interpolates between texels: so many make a cell nearly constant
 
 
 def use_variant() -> str:
@@ -132,11 +132,12 @@ def _colour(values) -> dict:
 
 def _with_corners(radiance: np.ndarray) -> np.ndarray:
     """Return cells as texels; Mitsuba's first and last row lie at the poles, and so on edges."""
-    below = np.repeat(radiance, _FINER, axis=0)
+    finer = max(_FINE_ROWS // len(radiance), 1)
+    below = np.repeat(radiance, finer, axis=0)
     edges = np.concatenate([radiance[:1], radiance, radiance[-1:]])
     rows = np.concatenate([below, radiance[-1:]])
-    rows[::_FINER] = 0.5 * (edges[:-1] + edges[1:])
-    return np.repeat(rows, _FINER, axis=1)
+    rows[::finer] = 0.5 * (edges[:-1] + edges[1:])
+    return np.repeat(rows, finer, axis=1)
 
 
 def _metal_rough() -> type:
