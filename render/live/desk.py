@@ -23,7 +23,7 @@ Request = Literal["snapshot", "record", "export-usda", "export-glb", "export-py"
 """What can be asked for beside settings; `record` begins or ends a recording."""
 
 StateName = Literal[
-    "starting", "running", "away", "no-camera", "calibration", "clipped", "dark", "ended", "failed"
+    "starting", "running", "away", "no-camera", "calibration", "clipped", "dark", "ended"
 ]
 
 

@@ -62,6 +62,7 @@ _HEADERS = {
 
 _TOO_MANY = 1013  # WebSocket close codes, RFC 6455 and IANA's registry
 _VIOLATION = 1008
+_LAST_WORDS_S = 0.2  # for clients to take them, before their connections are closed
 _IN_FLIGHT = 2  # pictures sent that were not yet said to be shown
 
 
@@ -155,12 +156,15 @@ class LiveServer:
             return
         self._port = runner.addresses[0][1]
         self._desk.listen(self._on_news)
-        encoding = asyncio.create_task(self._encode())
-        self._ready.set()
-        await self._stopped.wait()
-        encoding.cancel()
-        with suppress(asyncio.CancelledError):
-            await encoding
+        with ThreadPoolExecutor(1, "fishlight-encoder") as encoder:
+            encoding = asyncio.create_task(self._encode(encoder))
+            self._ready.set()
+            await self._stopped.wait()
+            encoding.cancel()
+            with suppress(asyncio.CancelledError):
+                await encoding
+            await self._encode_newest(encoder)  # how the session ended
+            await asyncio.sleep(_LAST_WORDS_S)
         for client in {*self._viewers, *self._followers}:
             with suppress(Exception):
                 await asyncio.wait_for(client.close(), 0.5)
@@ -170,21 +174,21 @@ class LiveServer:
         with suppress(RuntimeError):  # the loop has ended
             self._loop.call_soon_threadsafe(self._news.set)
 
-    async def _encode(self) -> None:
-        """Make messages of what is published, the newest only, while somebody wants them."""
-        with ThreadPoolExecutor(1, "fishlight-encoder") as encoder:
-            while True:
-                await self._news.wait()
-                self._news.clear()
-                frame = self._desk.newest
-                if frame is None:
-                    continue
-                await self._lights.put(stream_message(frame))
-                if self._viewers:
-                    data = await self._loop.run_in_executor(
-                        encoder, encode_frame, frame, self._desk
-                    )
-                    await self._view.put(data)
+    async def _encode(self, encoder: ThreadPoolExecutor) -> None:
+        while True:
+            await self._news.wait()
+            self._news.clear()
+            await self._encode_newest(encoder)
+
+    async def _encode_newest(self, encoder: ThreadPoolExecutor) -> None:
+        """Make messages of what was published last, of pictures only if somebody wants them."""
+        frame = self._desk.newest
+        if frame is None:
+            return
+        await self._lights.put(stream_message(frame))
+        if self._viewers:
+            data = await self._loop.run_in_executor(encoder, encode_frame, frame, self._desk)
+            await self._view.put(data)
 
     @web.middleware
     async def _judged(

@@ -26,7 +26,7 @@ SCHEMA = "fishlight-light-stream/1"
 PROTOCOL = "fishlight-lights.1"
 
 _VALID_STATES = ("running", "away", "ended")
-_STALE_STATES = ("away", "no-camera", "ended", "failed")
+_STALE_STATES = ("away", "no-camera", "calibration", "ended")
 
 
 class StreamMessage(msgspec.Struct, frozen=True):

@@ -17,10 +17,9 @@ const STATES = {
   clipped: "all clipped",
   dark: "no light",
   ended: "ended",
-  failed: "failed",
   lost: "no connection",
 };
-const STALE = new Set(["away", "no-camera", "calibration", "ended", "failed", "lost"]);
+const STALE = new Set(["away", "no-camera", "calibration", "ended", "lost"]);
 const NO_GL = "No OpenGL on this machine: lights go on without a picture. `fishlight doctor` says what to install.";
 const TOAST_MS = 6000;
 
@@ -58,6 +57,7 @@ async function onMoment(header, images) {
 }
 
 function onLost(code, reason) {
+  if (document.body.dataset.state === "ended") return; // that is why
   const why = { 1013: "Too many pages watch this session.", 1008: `The session closed the connection: ${reason}.` }[code];
   showState("lost", why ?? "No connection to the session; trying again. If it was started anew, open the address it printed.");
 }

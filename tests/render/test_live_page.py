@@ -355,6 +355,19 @@ def test_without_opengl_the_page_says_so(browser):
             page.get_by_text("No OpenGL on this machine").wait_for()
 
 
+def test_a_session_that_ended_is_told_and_not_as_a_lost_connection(browser):
+    desk = Desk(Settings(), load_models(()))
+    with LiveServer(desk, Access()) as server:
+        desk.publish(State("running"), None, 0.0, {})
+        pages = opened(browser, server.address, has_images=False)
+        page = next(pages)
+        wait_for_text(page, "#chip-text", "live")
+        desk.publish(State("ended", "The session has ended."), None, 0.0, {})
+    page.wait_for_timeout(1500)
+    assert page.locator("#chip-text").inner_text() == "ended"
+    assert next(pages, None) is None
+
+
 def test_a_session_that_is_gone_is_told_and_found_again_when_it_is_back(browser):
     access, desk = Access(), Desk(Settings(), load_models(()))
     desk.publish(State("running"), None, 0.0, {})

@@ -1,6 +1,7 @@
 """The stream of lights: what a follower reads is what lights.json would hold, and is as marked."""
 
 import json
+import threading
 
 import numpy as np
 import pytest
@@ -26,6 +27,11 @@ def seen(lights=LIGHTS):
 
 def frame(state="running", shown=seen()):  # noqa: B008 - nothing changes it
     return LiveFrame(7, State(state), shown, 0.25, {})
+
+
+def leave_soon(server):
+    """End the block of a server, on a thread of its own: the caller is one of its clients."""
+    threading.Thread(target=server.__exit__, args=(None, None, None)).start()
 
 
 def test_the_lights_are_those_of_lights_json(tmp_path):
@@ -81,6 +87,23 @@ def test_a_follower_gets_each_moment_it_is_there_for_and_ends_with_the_session()
     assert states == ["starting", "running", "running", "ended"]
 
 
+def test_how_a_session_ended_is_still_sent():
+    desk = Desk(Settings(), load_models(()))
+    states = []
+
+    def take(_text, message):
+        states.append(message.state)
+        if message.state == "running":
+            desk.publish(State("ended"), seen(), 0.0, {})
+            leave_soon(server)
+        return True
+
+    server = LiveServer(desk, Access()).__enter__()
+    desk.publish(State("running"), seen(), 0.0, {})
+    follow(server.address, take)
+    assert states == ["running", "ended"]
+
+
 def test_a_follower_that_had_enough_leaves():
     desk = Desk(Settings(), load_models(()))
     with LiveServer(desk, Access()) as server:
@@ -92,16 +115,15 @@ def test_a_follower_that_had_enough_leaves():
 
 def test_a_server_that_ends_is_told():
     desk = Desk(Settings(), load_models(()))
-    server = LiveServer(desk, Access())
-    with server:
-        desk.publish(State("running"), seen(), 0.0, {})
+    server = LiveServer(desk, Access()).__enter__()
+    desk.publish(State("running"), seen(), 0.0, {})
 
-        def take(_text, _message):
-            server._loop.call_soon_threadsafe(server._stopped.set)
-            return True
+    def take(_text, _message):
+        leave_soon(server)
+        return True
 
-        with pytest.raises(StreamLost, match="has ended"):
-            follow(server.address, take)
+    with pytest.raises(StreamLost, match="has ended"):
+        follow(server.address, take)
 
 
 def test_a_wrong_token_or_no_session_is_one_line(monkeypatch):
