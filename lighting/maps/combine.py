@@ -31,8 +31,9 @@ _SHARPNESS_POWER = 4
 """Of pixels per radian, in the weights: high enough for one picture to decide nearly everywhere,
 so that what does not fit together is not blurred."""
 _HIDDEN_FADE = 1.5
-_NEGLIGIBLE = 0.01
-"""Of the weight of what was measured: that of a lower bound below which it contradicts nothing."""
+_LEAST_SAY = 0.25
+"""Of the weight of what was measured: that of a lower bound from which on it can contradict. One
+that was seen more coarsely is smeared over cells beside it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +79,9 @@ def combine_views(
     """Return the map of `height` rows of pictures whose poses fit together, and its confidence.
 
     A cell is the mean of what the pictures show there, weighted by how finely each sees it. Clipped
-    pictures count where none is not, or what the others show is less than these show at least: so
-    pictures of different exposures, cropped so that they cannot be merged, can be combined. There
-    the cell is clipped. It is valid if any picture saw it.
+    pictures count where all are, or where they saw about as finely as the others and more light
+    than those; there the cell is clipped. So pictures of different exposures, cropped so that they
+    cannot be merged, can be combined. A cell is valid if any picture saw it.
 
     The confidence (N, 2N) of a cell is how many pixels wide it was in the picture, the way it was
     narrowest, 1 at most: less on the stretched rim of a mirror ball, 0 in its blind cone.
@@ -112,7 +113,7 @@ def combine_views(
     means = np.divide(sums[..., 1:], weights, out=np.zeros_like(sums[..., 1:]), where=weights > 0)
     measured, bound = luminance(means[..., :3])
     valid = weights.sum(axis=0)[..., 0] > 0
-    clipped = (bound > measured) & (weights[1] >= _NEGLIGIBLE * weights[0])[..., 0]
+    clipped = (bound > measured) & (weights[1] >= _LEAST_SAY * weights[0])[..., 0]
     chosen = np.where(clipped[..., None], means[1], means[0])
     combined = EnvironmentMap(chosen[..., :3].astype(np.float32), valid, clipped, scales.pop())
     return combined, chosen[..., 3]

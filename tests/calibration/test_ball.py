@@ -179,7 +179,11 @@ def test_the_command_writes_a_calibration(
     assert np.all(np.diff(kept["sigma_rad"]) > 0)
 
     calibrate_ball(
-        tmp_path / "ball.exr", output=tmp_path / "cal.json", reflectance="0.6,0.6,0.5", force=True
+        tmp_path / "ball.exr",
+        output=tmp_path / "cal.json",
+        ball="240,230,210",
+        reflectance="0.6,0.6,0.5",
+        force=True,
     )
     assert "D/R 20 ± 10 is assumed" in capsys.readouterr().out
     assert read_calibration(tmp_path / "cal.json").reflectance == (0.6, 0.6, 0.5)

@@ -117,6 +117,18 @@ def test_where_one_exposure_clips_the_other_counts() -> None:
     assert result.clipped[result.valid].all()
 
 
+def test_a_coarse_lower_bound_does_not_smear_over_what_was_seen_well() -> None:
+    plane = np.ones((240, 240), bool)
+    lamp = np.full((240, 240, 3), 9.0)
+    full = RadianceImage(lamp, np.zeros_like(lamp), plane, plane)
+    dim = RadianceImage(lamp / 9, np.zeros_like(lamp), plane, ~plane)
+    opposite = pose(0.3 + np.pi, -0.1, 0.02)
+    result, _ = combine_views([View(dim, camera(TRUE[0])), View(full, camera(opposite))], HEIGHT)
+    in_front = cell_directions(HEIGHT) @ TRUE[0][:, 2] < -0.5
+    np.testing.assert_allclose(result.radiance[in_front], 1.0, rtol=1e-5)
+    assert not result.clipped[in_front].any()
+
+
 def test_pictures_of_two_places_are_refused() -> None:
     rng = np.random.default_rng(2)
     noise = np.exp(rng.standard_normal((240, 240, 3)))
