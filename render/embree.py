@@ -28,6 +28,7 @@ PACKET = 16
 """Rays of one call."""
 
 _ROBUST = 4  # RTC_SCENE_FLAG_ROBUST: watertight along shared edges
+_QUICK, _THOROUGH = 0, 1  # RTC_BUILD_QUALITY_LOW, RTC_BUILD_QUALITY_MEDIUM
 _TRIANGLES = 0  # RTC_GEOMETRY_TYPE_TRIANGLE
 _INDEX, _VERTEX = 0, 1  # RTC_BUFFER_TYPE_…
 _UINT3, _FLOAT3 = 0x5003, 0x9003  # RTC_FORMAT_…
@@ -47,6 +48,8 @@ class Occluders:
         In m.
     faces : (F, 3) int32
         May be empty: then nothing is ever hit.
+    is_quick : bool
+        Build five times as fast what is then traced a little slower: for what moves.
 
     Raises
     ------
@@ -54,7 +57,9 @@ class Occluders:
         If Embree refuses the triangles, for want of memory.
     """
 
-    def __init__(self, positions: NDArray[np.float32], faces: NDArray[np.int32]) -> None:
+    def __init__(
+        self, positions: NDArray[np.float32], faces: NDArray[np.int32], *, is_quick: bool = False
+    ) -> None:
         library = _library()
         # Embree reads 16 bytes where a vertex has 12.
         self._positions = np.zeros((len(positions) + 1, 3), np.float32)
@@ -63,6 +68,8 @@ class Occluders:
         self._device = library.rtcNewDevice(None)
         self._scene = library.rtcNewScene(self._device)
         library.rtcSetSceneFlags(self._scene, _ROBUST)
+        quality = _QUICK if is_quick else _THOROUGH
+        library.rtcSetSceneBuildQuality(self._scene, quality)
         if len(faces):
             geometry = library.rtcNewGeometry(self._device, _TRIANGLES)
             for kind, form, array, count in (
@@ -72,6 +79,7 @@ class Occluders:
                 library.rtcSetSharedGeometryBuffer(
                     geometry, kind, 0, form, array.ctypes.data, 0, 12, count
                 )
+            library.rtcSetGeometryBuildQuality(geometry, quality)
             library.rtcCommitGeometry(geometry)
             library.rtcAttachGeometry(self._scene, geometry)
             library.rtcReleaseGeometry(geometry)
@@ -203,9 +211,11 @@ def _library() -> Any:
         ("rtcReleaseDevice", None, [pointer]),
         ("rtcNewScene", pointer, [pointer]),
         ("rtcSetSceneFlags", None, [pointer, ctypes.c_int]),
+        ("rtcSetSceneBuildQuality", None, [pointer, ctypes.c_int]),
         ("rtcCommitScene", None, [pointer]),
         ("rtcReleaseScene", None, [pointer]),
         ("rtcNewGeometry", pointer, [pointer, ctypes.c_int]),
+        ("rtcSetGeometryBuildQuality", None, [pointer, ctypes.c_int]),
         ("rtcCommitGeometry", None, [pointer]),
         ("rtcReleaseGeometry", None, [pointer]),
         ("rtcAttachGeometry", number, [pointer, pointer]),
