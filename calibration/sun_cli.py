@@ -1,8 +1,9 @@
-"""`fishlight calibrate sun`: a camera's pose in the world, from the path of the sun."""
+"""`fishlight calibrate sun`: a camera's pose, and its lens's scale, from the path of the sun."""
 
 import csv
 import io
 from collections import Counter
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
@@ -13,8 +14,9 @@ from numpy.typing import NDArray
 
 from calibration.files import read_calibration, read_object
 from calibration.pose.files import write_posed
-from calibration.pose.sightings import Sighting, sight, solve
+from calibration.pose.sightings import Sighting, sight, solve, solve_with_lens
 from calibration.pose.sky_pictures import parse_moment, parse_utc_offset, sky_pictures
+from calibration.pose.sun_lens import LensBySun
 from calibration.pose.sun_track import SunPose, clock_error
 from capture.arguments import Output, tell
 from capture.errors import InputError
@@ -34,15 +36,17 @@ def calibrate_sun(
     output: Output,
     time_zone: str = "",
     start: str = "",
+    refine_lens: Annotated[bool, Parameter(negative=())] = False,
     residuals: Path | None = None,
     force: Annotated[bool, Parameter(negative=())] = False,
 ) -> None:
     """Find how a camera stands in the world from pictures of the sun over some hours.
 
-    The world's +Y is then up, +X east and −Z north. The lens has to be calibrated. Expose so short
-    that the sun is a small spot: of a bracket the shortest exposure is used. A clock that is wrong
-    turns the camera about the pole and shows in no residual; if the calibration has a pose
-    already, such as from `fishlight calibrate up`, a difference from it is told.
+    The world's +Y is then up, +X east and −Z north. The lens has to be calibrated, or with
+    --refine-lens to be of the kind that the calibration has. Expose so short that the sun is a
+    small spot: of a bracket the shortest exposure is used. A clock that is wrong turns the camera
+    about the pole and shows in no residual; if the calibration has a pose already, such as from
+    `fishlight calibrate up`, a difference from it is told.
 
     Parameters
     ----------
@@ -62,6 +66,10 @@ def calibrate_sun(
     start
         Moment of the first picture, such as 2026-06-21T09:30:00+02:00, if the pictures have no
         date: those of live cameras and of videos.
+    refine_lens
+        Find the lens's focal length and centre, too, for which the calibration has to have the
+        right kind of lens and 5 % of its focal length. Needs the sun from morning to afternoon;
+        beyond the angles that it passed nothing is measured.
     residuals
         A CSV file with a row for each picture: where the sun was seen and computed, and why not.
     force
@@ -82,13 +90,14 @@ def calibrate_sun(
         parse_utc_offset(time_zone) if time_zone else None,
         parse_moment(start) if start else None,
     )
+    lens = None
     try:
-        pose, sightings = solve(
-            camera,
-            sight(progress(found, "finding the sun", len(found)), camera),
-            latitude_rad,
-            longitude_rad,
-        )
+        sightings = sight(progress(found, "finding the sun", len(found)), camera)
+        if refine_lens:
+            lens, pose, sightings = solve_with_lens(camera, sightings, latitude_rad, longitude_rad)
+            camera = replace(camera, model=lens.model)
+        else:
+            pose, sightings = solve(camera, sightings, latitude_rad, longitude_rad)
     except InputError as error:
         raise InputError(f"{pictures[0]}: {error}") from None
     if residuals is not None:
@@ -97,11 +106,24 @@ def calibrate_sun(
     tell(_left_out(sightings))
     if "R_world_camera" in read_object(calibration):
         tell(_disagreement(pose, camera.R_world_camera[1], latitude_rad))
+    if lens is not None:
+        print(_described(lens))
     print(
         f"{output}: north to ±{np.rad2deg(pose.heading_sigma_rad):.2g}°, up to "
         f"±{np.rad2deg(pose.up_sigma_rad):.2g}°, by {pose.kept.sum()} of {len(sightings)} pictures "
         f"over {np.rad2deg(pose.span_rad):.0f}° of the sun's path; residual "
         f"{np.rad2deg(pose.rms_rad):.2g}° rms"
+    )
+
+
+def _described(lens: LensBySun) -> str:
+    inner, outer = np.rad2deg(lens.seen_rad)
+    focal_px, (x, y) = getattr(lens.model, "focal_px"), getattr(lens.model, "centre_px")  # noqa: B009
+    return (
+        f"focal length {np.mean(focal_px):.2f} px to ±{100 * lens.focal_sigma:.2g} %, centre "
+        f"({x:.2f}, {y:.2f}) px to ±{lens.centre_sigma_px:.2g}, directions to "
+        f"±{np.rad2deg(lens.direction_sigma_rad):.2g}°: the sun passed {inner:.0f}° to "
+        f"{outer:.0f}° off the axis"
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import Calibration
-from calibration.files import read_records, write_calibration
+from calibration.files import read_calibration, read_records, write_calibration
 
 
 def write_posed(
@@ -18,6 +18,12 @@ def write_posed(
     *,
     force: bool,
 ) -> None:
-    """Write the calibration with another pose, and what `start_path` keeps of its making."""
+    """Write the calibration with another pose, and what `start_path` keeps of its making.
+
+    But for how its lens was made, if the calibration has another.
+    """
     posed = replace(calibration, R_world_camera=R_world_camera)
-    write_calibration(path, posed, **read_records(start_path), force=force)
+    records = read_records(start_path)
+    if calibration.model != read_calibration(start_path).model:
+        records.pop("lens_fit", None)
+    write_calibration(path, posed, **records, force=force)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from calibration.camera import Calibration
 from calibration.pose.sky_pictures import SkyPicture
 from calibration.pose.sun_disc import NoSun, find_sun
+from calibration.pose.sun_lens import LensBySun, lens_by_sun
 from calibration.pose.sun_position import sun_directions
 from calibration.pose.sun_track import SunPose, pose_by_sun
 from capture.errors import InputError, UnreadableFrame
@@ -62,6 +63,44 @@ def solve(
     InputError
         If the sightings do not tell the pose: see `pose_by_sun`.
     """
+    judged, used, pixels, sun = _judged(sightings, latitude_rad, longitude_rad)
+    sighted, _ = camera.model.unproject(pixels)
+    try:
+        pose = pose_by_sun(sighted, sun, _sigma_rad(camera, pixels))
+    except InputError as error:
+        raise InputError(f"{error}{_main_reason(judged)}") from None
+    for row, number in enumerate(used):
+        residual = float(pose.residual_rad[row])
+        reason = "" if pose.kept[row] else "it is not on the sun's path"
+        judged[number] = replace(judged[number], residual_rad=residual, reason=reason)
+    return pose, judged
+
+
+def solve_with_lens(
+    camera: Calibration, sightings: list[Sighting], latitude_rad: float, longitude_rad: float
+) -> tuple[LensBySun, SunPose, list[Sighting]]:
+    """Return what `solve` does for the lens, too, whose focal length and centre are sought.
+
+    Raises
+    ------
+    InputError
+        If the sightings do not tell pose and lens: see `lens_by_sun`.
+    """
+    judged, _, pixels, sun = _judged(sightings, latitude_rad, longitude_rad)
+    try:
+        lens = lens_by_sun(camera.model, pixels, sun, _LEAST_SIGMA_PX)
+    except InputError as error:
+        raise InputError(f"{error}{_main_reason(judged)}") from None
+    found = replace(camera, model=lens.model)
+    pose, judged = solve(found, sightings, latitude_rad, longitude_rad)
+    of_pose = lens.covariance[:3, :3]
+    return lens, replace(pose, R_world_camera=lens.R_world_camera, covariance_rad2=of_pose), judged
+
+
+def _judged(
+    sightings: list[Sighting], latitude_rad: float, longitude_rad: float
+) -> tuple[list[Sighting], list[int], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the sightings, which of them are of use, and their pixels (n, 2) and suns (n, 3)."""
     moments = np.array([each.timestamp_s for each in sightings])
     sun = sun_directions(moments, latitude_rad, longitude_rad)
     judged = [
@@ -70,16 +109,7 @@ def solve(
     ]
     used = [number for number, each in enumerate(judged) if not each.reason]
     pixels = np.array([judged[number].pixel_px for number in used]).reshape(-1, 2)
-    sighted, _ = camera.model.unproject(pixels)
-    try:
-        pose = pose_by_sun(sighted, sun[used], _sigma_rad(camera, pixels))
-    except InputError as error:
-        raise InputError(f"{error}{_main_reason(judged)}") from None
-    for row, number in enumerate(used):
-        residual = float(pose.residual_rad[row])
-        reason = "" if pose.kept[row] else "it is not on the sun's path"
-        judged[number] = replace(judged[number], residual_rad=residual, reason=reason)
-    return pose, judged
+    return judged, used, pixels, sun[used]
 
 
 def _sight(picture: SkyPicture, camera: Calibration, seen: NDArray[np.bool_]) -> Sighting:

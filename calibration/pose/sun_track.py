@@ -96,7 +96,7 @@ def pose_by_sun(sighted: Array, sun: Array, sighting_sigma_rad: float) -> SunPos
             f"the sun was found in {len(sun)} pictures; three at least are needed, better fifty, "
             "from morning to afternoon"
         )
-    R = _consensus(sighted, sun)
+    R = rough_pose(sighted, sun)
     for _ in range(_ROUNDS):
         angle = _angles(sighted @ R.T, sun)
         scale = _SOFT_SIGMAS * _scale(angle, sighting_sigma_rad)
@@ -160,7 +160,7 @@ def clock_error(
     return tilt, float(turn / SUN_RATE_RAD_PER_S), float(abs(distances[0] - distances[1]))
 
 
-def _consensus(sighted: Array, sun: Array) -> Array:
+def rough_pose(sighted: Array, sun: Array) -> Array:
     """Return the rotation, of those that pairs of sightings give, that most others agree with."""
     first, second = np.triu_indices(len(sun), 1)
     separation = _angles(sun[first], sun[second])
@@ -201,13 +201,21 @@ def _covariance(residual: Array, sun: Array, least_sigma_rad: float) -> Array:
     """Return the covariance (3, 3) of a rotation fitted to residual vectors (N, 3), in order."""
     spare = max(2 * len(sun) - 3, 1)
     variance = max(float(np.sum(residual**2)) / spare, least_sigma_rad**2)
-    # Of errors that persist from one to the next, as a first-order autoregression has them.
-    share = np.sum(residual[1:] * residual[:-1]) / max(np.sum(residual**2), 1e-300)
-    persistence = float(np.clip(share, 0.0, 0.99))
     information = len(sun) * np.eye(3) - sun.T @ sun
-    inflated = variance * (1 + persistence) / (1 - persistence)
+    inflated = variance * persistence_factor(residual, 3)
     values, axes = np.linalg.eigh(information)
     return np.asarray((axes * (inflated / np.maximum(values, 1e-12))) @ axes.T)
+
+
+def persistence_factor(residual: Array, fitted: int) -> float:
+    """Return by how much errors that persist from one to the next raise the variance of a fit.
+
+    As a first-order autoregression has them. The numbers `fitted` to the residuals (N, K) have
+    taken a part of what persisted.
+    """
+    share = np.sum(residual[1:] * residual[:-1]) / max(np.sum(residual**2), 1e-300)
+    persistence = float(np.clip(share + fitted / len(residual), 0.0, 0.99))
+    return (1 + persistence) / (1 - persistence)
 
 
 def _scale(angle: Array, least_sigma_rad: float) -> float:

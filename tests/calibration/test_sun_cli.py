@@ -3,6 +3,7 @@
 import csv
 import hashlib
 import json
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -16,11 +17,12 @@ from scipy.spatial.transform import Rotation
 
 from calibration.camera import UP
 from calibration.files import read_calibration, read_object, write_calibration
+from calibration.models.equidistant import Equidistant
 from calibration.pose.sky_pictures import parse_moment, parse_utc_offset, sky_pictures
 from calibration.pose.sun_position import sun_directions
 from calibration.sun_cli import calibrate_sun
 from capture.errors import InputError
-from tests.calibration.sun_skies import SIZE_PX, add_cloud, camera, sky
+from tests.calibration.sun_skies import LENS, SIZE_PX, add_cloud, camera, sky
 
 PLACE: Any = {"latitude_deg": 48.2, "longitude_deg": 16.4}
 POSE = Rotation.from_euler("yxz", [25.0, 4.0, -3.0], degrees=True).as_matrix() @ UP
@@ -104,6 +106,26 @@ def test_a_day_of_sun_tells_the_pose(
     was, now = read_object(start), read_object(out)
     del was["R_world_camera"], now["R_world_camera"]
     assert now == was
+
+
+def test_a_day_of_sun_tells_the_lens_too(
+    tmp_path: Path, skies: list[NDArray[np.uint8]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    start, out = tmp_path / "start.json", tmp_path / "cal.json"
+    sheet = replace(LENS, focal_px=98.0, centre_px=(157.0, 153.0))
+    write_calibration(start, replace(camera(POSE), model=sheet), lens_fit={"kept": 1})
+    recording = record(tmp_path / "sky", skies, 12.5)
+    day: Any = {"calibration": start, "output": out, "start": "2026-06-21T09:00:00+02:00"}
+    calibrate_sun([recording], refine_lens=True, **day, **PLACE)
+    found = read_calibration(out)
+    assert isinstance(found.model, Equidistant)
+    assert found.model.focal_px == pytest.approx(LENS.focal_px, rel=2e-3)
+    assert np.hypot(*np.subtract(found.model.centre_px, LENS.centre_px)) < 1.0
+    assert turn_deg(found.R_world_camera, POSE) < 1.0
+    assert "lens_fit" not in read_object(out)
+    said = capsys.readouterr().out
+    assert "focal length 95" in said
+    assert "by 18 of 19 pictures" in said
 
 
 def test_a_clock_that_kept_winter_time_is_told_where_up_is_known(
