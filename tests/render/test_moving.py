@@ -40,7 +40,8 @@ def relative_rmse(picture, truth, inside):
 
 def errors(picture, lights, scene=BALL):
     """Relative RMSE of the picture, and relative error of its mean."""
-    truth = trace(scene, CAMERA, as_points(lights, per_fill=1024))
+    per_light = 1 if not lights.angular_radius_rad.any() else 1024 // max(len(lights), 1)
+    truth = trace(scene, CAMERA, as_points(lights, min(per_light, 256), per_fill=1024))
     mean_error = abs(picture[INSIDE, :3].mean() / truth[INSIDE, :3].mean() - 1)
     return relative_rmse(picture, truth, INSIDE), mean_error
 
