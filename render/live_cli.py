@@ -102,6 +102,8 @@ def live(
         raise InputError(f"--port {port}: wanted 0 to 65535")
     if rate is not None and not 0 < rate <= 1000:
         raise InputError(f"--rate {rate:g}: wanted more than 0, and at most 1000")
+    if mains_hz not in (None, 0.0, 50.0, 60.0):
+        raise InputError(f"--mains-hz {mains_hz:g}: wanted 50, 60, or 0 for none")
     most_lights(count, error, method)  # refuses what does not go together
     is_auto = count == AUTO
     settings = changed(

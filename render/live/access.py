@@ -44,6 +44,11 @@ class Access:
     origins: tuple[str, ...] = ()
     token: str = field(default_factory=_new_token, repr=False)
 
+    @property
+    def name(self) -> str:
+        """What the server is called in its address."""
+        return socket.gethostname() if self.host in _WILDCARDS else self.host
+
     def is_own_host(self, host_header: str | None) -> bool:
         """Whether a Host header names this server and not another site's alias of it."""
         name = _host_name(host_header)

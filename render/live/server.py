@@ -14,7 +14,6 @@ import threading
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from importlib.resources import files
 from types import TracebackType
 from typing import Any, Self
 
@@ -33,32 +32,8 @@ from render.live.limits import (
     SEND_TIMEOUT_S,
     Allowance,
 )
+from render.live.page import HEADERS, refusal, serve_page
 from render.live.stream import PROTOCOL, stream_message
-
-_PARTS = {
-    "index.html": "text/html",
-    "style.css": "text/css",
-    "app.js": "text/javascript",
-    "connection.js": "text/javascript",
-    "controls.js": "text/javascript",
-    "map.js": "text/javascript",
-    "panels.js": "text/javascript",
-    "strip.js": "text/javascript",
-    "orbit.js": "text/javascript",
-    "icon.svg": "image/svg+xml",
-}
-
-_HEADERS = {
-    "Content-Security-Policy": (
-        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
-        "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-    ),
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
-    "Cross-Origin-Opener-Policy": "same-origin",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "Cache-Control": "no-store",
-}
 
 _TOO_MANY = 1013  # WebSocket close codes, RFC 6455 and IANA's registry
 _VIOLATION = 1008
@@ -130,7 +105,8 @@ class LiveServer:
     @property
     def address(self) -> str:
         """Where to go, the token included."""
-        host = f"[{self._access.host}]" if ":" in self._access.host else self._access.host
+        host = self._access.name
+        host = f"[{host}]" if ":" in host else host
         return f"http://{host}:{self._port}/?token={self._access.token}"
 
     def _run(self) -> None:
@@ -143,7 +119,7 @@ class LiveServer:
         app = web.Application(middlewares=[self._judged], client_max_size=MOST_MESSAGE_BYTES)
         app.router.add_get("/view", self._serve_view)
         app.router.add_get("/lights", self._serve_lights)
-        app.router.add_get("/{name:[a-z]*[.a-z]*}", self._serve_page)
+        app.router.add_get("/{name:[a-z]*[.a-z]*}", serve_page)
         runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
         await runner.setup()
         site = web.TCPSite(runner, self._access.host, self._port)
@@ -200,7 +176,7 @@ class LiveServer:
         host, origin = request.headers.get("Host"), request.headers.get("Origin")
         access = self._access
         if not access.is_own_host(host) or not access.is_allowed_origin(origin, host):
-            return _refusal(403, "This host or origin is not served.")
+            return refusal(403, "This host or origin is not served.")
         offered = (
             request.query.get("token")
             or offered_token(
@@ -209,7 +185,7 @@ class LiveServer:
             or request.cookies.get(self._cookie)
         )
         if not access.is_token(offered):
-            return _refusal(
+            return refusal(
                 401, "This needs the whole address that `fishlight live` printed, with its token."
             )
         if "token" in request.query:
@@ -217,9 +193,9 @@ class LiveServer:
         try:
             response = await handler(request)
         except web.HTTPException as error:
-            return _refusal(error.status, error.reason)
+            return refusal(error.status, error.reason)
         if not response.prepared:
-            response.headers.update(_HEADERS)
+            response.headers.update(HEADERS)
         return response
 
     @property
@@ -227,16 +203,9 @@ class LiveServer:
         return f"fishlight-{self._port}"  # cookies of all ports of a host are sent to each
 
     def _without_token_in_address(self) -> web.StreamResponse:
-        response = web.Response(status=303, headers={**_HEADERS, "Location": "/"})
+        response = web.Response(status=303, headers={**HEADERS, "Location": "/"})
         response.set_cookie(self._cookie, self._access.token, httponly=True, samesite="Strict")
         return response
-
-    async def _serve_page(self, request: web.Request) -> web.StreamResponse:
-        name = request.match_info["name"] or "index.html"
-        if name not in _PARTS:
-            raise web.HTTPNotFound
-        body = (files("render.viewer") / name).read_bytes()
-        return web.Response(body=body, content_type=_PARTS[name], charset="utf-8")
 
     async def _serve_view(self, request: web.Request) -> web.StreamResponse:
         if request.headers.get("Origin") in self._access.origins:
@@ -277,7 +246,7 @@ class LiveServer:
             protocols=(PROTOCOL,),
             compress=False,
         )
-        socket.headers.update(_HEADERS)
+        socket.headers.update(HEADERS)
         await socket.prepare(request)
         if len(clients) >= MOST_CLIENTS:
             await socket.close(code=_TOO_MANY, message=b"too many clients")
@@ -330,7 +299,3 @@ class LiveServer:
                     self._desk.ask(said.ask)
             except FishlightError as error:
                 self._desk.answer(str(error), is_error=True)
-
-
-def _refusal(status: int, text: str) -> web.Response:
-    return web.Response(status=status, text=text + "\n", headers=_HEADERS)

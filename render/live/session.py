@@ -32,6 +32,7 @@ from lighting.maps.environment import EnvironmentMap, luminance
 from lighting.maps.remap import apply_remap, build_remap
 from lighting.reduce import BLOCK_METHODS
 from lighting.stream.light_stream import LightPlan, StreamMemory, next_lights
+from render.live.camera_view import seen_pixels, state_of, thinned
 from render.live.desk import Desk, Seen, State
 from render.live.exposing import ViewExposure
 from render.live.picture import LivePicture
@@ -39,12 +40,6 @@ from render.live.settings import Settings, light_plan
 from render.live.sources import Source
 from render.live.turning import turned_lights, turned_map
 from render.session import Counters, Policy, StageClock, run_session
-
-CAMERA_WIDTH_PX = 480
-"""About the width at which the camera's picture is shown."""
-
-ALL_CLIPPED = 0.9
-"""Share of the seen pixels from which on there is nothing to be measured."""
 
 _FRAMES = 30
 """Whose times are shown and judged."""
@@ -106,7 +101,7 @@ class LiveSession:
         self._clock = StageClock(deque(maxlen=_FRAMES))
         self._counters = Counters()
         self._exposures_s = desk.settings.exposures_s
-        self._is_seen_px = _seen_pixels(calibration)
+        self._is_seen_px = seen_pixels(calibration)
 
     def run(self) -> Counters:
         """Take brackets until the source ends or is stopped; what it raises is raised here."""
@@ -158,7 +153,7 @@ class LiveSession:
         self._took_ms = clock.frames[-1]["lights"] + clock.frames[-1].get("render", 0.0)
         counters.rendered += 1
 
-        camera = _thinned(held.image, self._is_seen_px)
+        camera = thinned(held.image, self._is_seen_px)
         view_ev = self._exposure.next_ev(
             settings.view_ev, picture, luminance(camera.radiance[camera.valid]).astype(np.float32)
         )
@@ -166,7 +161,7 @@ class LiveSession:
         self._seen = Seen(lights, camera, environment, picture, view_ev, is_draft)
         self._seen_s = held.bracket.timestamp_s
         self._published_s.append(time.monotonic())
-        self.publish(_state(lights, camera))
+        self.publish(state_of(lights, camera))
         self._work(bracket, self._seen)
 
     def _expose(self, exposures_s: tuple[float, ...] | None) -> None:
@@ -265,48 +260,4 @@ def _asked(settings: Settings) -> tuple[object, ...]:
         settings.error,
         settings.frame_rate_hz,
         settings.is_steady,
-    )
-
-
-def _state(lights: LightSet, camera: RadianceImage) -> State:
-    seen = np.count_nonzero(camera.valid)
-    if seen and np.count_nonzero(camera.clipped & camera.valid) >= ALL_CLIPPED * seen:
-        return State(
-            "clipped",
-            "Everything is too bright for the shortest exposure: the lights are a lower bound. "
-            "Give shorter exposures, or close the aperture.",
-        )
-    if not lights.integral().any():
-        return State("dark", "No light: is the cap on the lens, or are the exposures too short?")
-    return State("running")
-
-
-def _step(size_px: tuple[int, int]) -> int:
-    return max(1, round(size_px[0] / CAMERA_WIDTH_PX))
-
-
-def _seen_pixels(calibration: Calibration) -> NDArray[np.bool_]:
-    """Return which of the thinned-out pixels the calibration says are seen."""
-    width, height = calibration.image_size_px
-    step = _step(calibration.image_size_px)
-    at = np.stack(np.meshgrid(np.arange(0, width, step), np.arange(0, height, step)), axis=-1)
-    return calibration.unproject(at)[1]
-
-
-def _thinned(image: RadianceImage, is_seen: NDArray[np.bool_]) -> RadianceImage:
-    """Return every n-th pixel, clipped if any that it stands for is; unseen ones not valid.
-
-    The session's own picture is written over by the next bracket's; this one lasts.
-    """
-    step = _step(image.size_px)
-    radiance = image.radiance[::step, ::step].copy()
-    clipped = np.zeros(is_seen.shape, np.bool_)
-    if image.clipped.any():
-        for row in range(step):
-            for column in range(step):
-                part = image.clipped[row::step, column::step]
-                clipped[: part.shape[0], : part.shape[1]] |= part
-    valid = image.valid[::step, ::step] & is_seen
-    return RadianceImage(
-        radiance, np.zeros_like(radiance), valid, clipped & is_seen, image.scale, image.primaries
     )

@@ -123,6 +123,7 @@ def test_on_all_addresses_a_name_is_still_refused_but_an_address_is_not():
     access = Access("0.0.0.0")
     assert access.is_own_host("192.168.1.7:8040")
     assert access.is_own_host("[fe80::1]:8040")
+    assert access.is_own_host(f"{access.name}:8040")
     assert not access.is_own_host("evil.test:8040")
     assert not access.is_own_host(None)
     assert not Access("192.168.1.7").is_own_host("192.168.1.8:8040")
