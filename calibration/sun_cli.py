@@ -68,7 +68,7 @@ def calibrate_sun(
         date: those of live cameras and of videos.
     refine_lens
         Find the lens's focal length and centre, too, for which the calibration has to have the
-        right kind of lens and 5 % of its focal length. Needs the sun from morning to afternoon;
+        right kind of lens and its focal length to a tenth. Needs the sun from morning to afternoon;
         beyond the angles that it passed nothing is measured.
     residuals
         A CSV file with a row for each picture: where the sun was seen and computed, and why not.

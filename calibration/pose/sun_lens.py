@@ -1,7 +1,7 @@
 """A lens's focal length and centre from the path of the sun, together with the camera's pose.
 
 Input  : pixels of the sun and its directions in the world; a lens of the right kind whose focal
-length is about right, as a data sheet has it.
+length is right to a tenth, as a data sheet has it.
 Domain : models with `centre_px` and `focal_px`; what else they have, their distortion, stays as it
 is. The path tells one length and two coordinates and no more: of a profile it would see a part.
 Fails  : where the kind of lens or its distortion is another: that shows in the residual where the
@@ -9,7 +9,6 @@ path is long, and bends the focal length where it is short. Beyond the angles th
 nothing was measured.
 """
 
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,9 +22,6 @@ from calibration.pose.sun_track import persistence_factor, rough_pose
 from capture.errors import InputError
 
 Array = NDArray[np.float64]
-
-_SCALES = np.exp(np.linspace(-0.12, 0.12, 7))
-"""Focal lengths that are tried, over the given one."""
 
 _LARGEST_SIGMA_RAD = np.deg2rad(1.0)
 """Of a direction in the world, anywhere as far from the axis as the sun was."""
@@ -102,11 +98,11 @@ def lens_by_sun(model: CameraModel, pixels: Array, sun: Array, least_sigma_px: f
             f"--refine-lens moves a lens's centre_px and focal_px, and {model.name} has none: "
             "leave it out"
         )
-    start, R = _start(model, pixels, sun)
+    sighted, seen = model.unproject(pixels)
+    R = rough_pose(sighted[seen], sun[seen])
 
     def misses(unknowns: Array, rows: NDArray[np.bool_]) -> Array:
-        lens, turned = _moved(start, unknowns), _turned(R, unknowns)
-        found, _ = lens.project(sun[rows] @ turned)
+        found, _ = _moved(model, unknowns).project(sun[rows] @ _turned(R, unknowns))
         return np.asarray(np.nan_to_num(found - pixels[rows], nan=_UNSEEN_PX).ravel())
 
     kept = np.ones(len(sun), np.bool_)
@@ -125,13 +121,13 @@ def lens_by_sun(model: CameraModel, pixels: Array, sun: Array, least_sigma_px: f
             "afternoon, or leave --refine-lens out"
         )
     fit = least_squares(misses, unknowns, x_scale=_STEPS, args=(kept,))
-    variance = max(2 * fit.cost / max(len(fit.fun) - 6, 1), least_sigma_px**2)
+    variance = max(2 * fit.cost / (len(fit.fun) - 6), least_sigma_px**2)
     # In units in which a step of each is alike, or the inverse would be of rounding.
     normal = (fit.jac * _STEPS).T @ (fit.jac * _STEPS)
     covariance = np.linalg.pinv(normal, rcond=1e-12, hermitian=True) * _STEPS * _STEPS[:, None]
     covariance *= variance * persistence_factor(fit.fun.reshape(-1, 2), 6)
     rms_px = float(np.sqrt(2 * fit.cost / kept.sum()))
-    lens, R = _moved(start, fit.x), _turned(R, fit.x)
+    lens, R = _moved(model, fit.x), _turned(R, fit.x)
     seen = np.arccos(np.clip((sun[kept] @ R)[:, 2] * lens.axis_z, -1.0, 1.0))
     inner, outer = float(seen.min()), float(seen.max())
     sigma = _direction_sigma(lens, R, covariance, outer)
@@ -158,25 +154,6 @@ def _direction_sigma(lens: CameraModel, R: Array, covariance: Array, outer_rad: 
     jacobian = np.stack(moved, axis=-1)
     spread = jacobian @ covariance @ np.swapaxes(jacobian, -1, -2)
     return float(np.sqrt(np.nanmax(np.linalg.eigvalsh(np.nan_to_num(spread))[..., -1])))
-
-
-def _start(model: CameraModel, pixels: Array, sun: Array) -> tuple[CameraModel, Array]:
-    """Return the lens of the best of some focal lengths, and its pose, both about right."""
-    tried: list[tuple[float, CameraModel, Array]] = []
-    for logarithm in np.log(_SCALES):
-        lens = _moved(model, np.array([0, 0, 0, 0, 0, logarithm]))
-        sighted, seen = lens.unproject(pixels)
-        with suppress(InputError):
-            R = rough_pose(sighted[seen], sun[seen])
-            miss = np.linalg.norm(sighted[seen] @ R.T - sun[seen], axis=-1)
-            tried.append((float(np.median(miss)), lens, R))
-    if not tried:
-        raise InputError(
-            "no two sightings of the sun are as far apart as it moved between them, with any focal "
-            "length near the given one: check the date and the kind of lens"
-        )
-    _, lens, R = min(tried, key=lambda each: each[0])
-    return lens, R
 
 
 def _moved(model: CameraModel, unknowns: Array) -> CameraModel:
