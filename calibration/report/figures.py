@@ -162,8 +162,8 @@ def _uncertainty(evidence: Evidence) -> Diagram:
     axis.legend(loc="upper left", fontsize=8)
     unsure = angle[(angle < valid) & ~(sigma <= limit)]
     caption = (
-        "Standard deviation of a direction in the worst azimuth, and how much lenses from every "
-        "other view differ. 1 mrad moves a shadow's edge by 1 mm a metre. Tinted: where corners "
+        "Standard deviation of a direction the way it is least sure, and how much lenses from "
+        "every other view differ. 1 mrad moves a shadow's edge by 1 mm a metre. Tinted: where corners "
         f"were seen. Rays beyond the valid angle are refused: there no corner was seen, or the "
         f"uncertainty exceeds {limit:g} mrad."
         + (

@@ -186,7 +186,7 @@ def _models(evidence: Evidence) -> str:
                 _verdict(trial, taken),
                 f"{trial.parameter_count}",
                 f"{trial.held_out_px:.3f}",
-                f"{trial.excess_px:.3f}\u00a0±\u00a0{trial.excess_error_px:.3f}",
+                f"{trial.excess_px:.4f}\u00a0±\u00a0{trial.excess_error_px:.4f}",
             ],
             "chosen" if trial is taken else "",
         )

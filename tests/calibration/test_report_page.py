@@ -181,7 +181,7 @@ def test_where_a_curve_has_no_value_the_page_has_a_dash() -> None:
 def test_the_table_of_lenses_tells_which_was_chosen_and_why() -> None:
     parsed = _Page(_text())
     rows = {row[0]: row[1:] for row in parsed.rows if row}
-    assert rows["equidistant"] == ["chosen", "3", "0.151", "0.001\u00a0±\u00a00.003"]
+    assert rows["equidistant"] == ["chosen", "3", "0.151", "0.0012\u00a0±\u00a00.0034"]
     assert rows["equisolid"][0] == "worse"
     assert rows["kannala_brandt"][0] == "as good"
     assert "equidistant is the simplest lens" in parsed.text
