@@ -16,7 +16,7 @@ Simulated views : 24 of a 9×6 board, 0.1 px of noise, to 80° from the axis of 
 `covered`       : share of directions whose error is within 1.96 of the standard deviations that
                   were predicted for their angle, where corners were seen. Errors of one draw go
                   together: of 24 draws it is known to 0.03;
-`succeeded`     : of the twelve, those whose directions are within 5 mrad of the truth, or of the
+`succeeded`     : of the twelve, those whose directions are within 10 mrad of the truth, or of the
                   lens of all views, to 60°, or 85 % of what was seen; `refused`: with a reason.
 Times           : CPU time of the calibration alone, medians.
 Command         : python -m tests.benchmarks.lens, some ten minutes; no stage of `make bench`.
@@ -228,7 +228,7 @@ def _succeeded(
             continue
         times_ms.append((time.process_time() - start_s) * 1e3)
         error = np.linalg.norm(direction_difference(lens.solution.model, truth, at), axis=-1)
-        found += bool(np.max(error[judged]) < 5e-3)
+        found += bool(np.max(error[judged]) < 10e-3)
     words = f"{found} of {len(draws)}"
     return median(times_ms or [float("nan")]), {"succeeded": words, "refused": refused}
 
