@@ -51,7 +51,7 @@ SIDE = 4
 """Pixels along the side of a tile."""
 
 # A pixel's place in its tile → its step in a stratum: an ordered dither, far apart where near.
-_STEP = np.array([0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5], np.uint64)
+_STEP = np.array([0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5], np.int64)
 _GOLDEN = 0.6180339887498949
 _TO_UNIT = 1 / 2.0**32
 
@@ -125,7 +125,7 @@ def add_pass(
         _add_row(functions, scene, view, tables, emitters, pool, smooth, spent, seed, rows[k], sums)
 
 
-@njit(nogil=True)
+@njit(nogil=True, fastmath={"contract"})
 def _add_row(
     functions: tuple[int, int],
     scene: int,
@@ -143,10 +143,11 @@ def _add_row(
     hits, in_picture = hit_packet()
     shadow = packet()
     surface = np.zeros((FIELDS, PACKET), np.float32)
-    light = np.zeros((8, PACKET), np.float32)
+    light = np.zeros((9, PACKET), np.float32)
     corners = np.zeros((CORNERS, PACKET), np.float32)
     total = np.zeros((4, PACKET), np.float32)
     points = spent.side * spent.side
+    traced = 0
     for first in range(0, width, SIDE):
         tile = _mixed(_mixed(np.uint64(seed)) ^ np.uint64(row << 32 | first))
         turn = int(tile % np.uint64(points))
@@ -161,14 +162,14 @@ def _add_row(
             total[3] += surface[HIT] / np.float32(points)
             share = (point + turn) % points
             _add_unshadowed(smooth, points, surface, corners, total)
-            _add_light(
+            traced += _add_light(
                 functions[1], scene, tables.sphere, emitters.lowest, pool, spent, share, random,
-                surface, corners, shadow, light, total, sums.rays, row,
+                surface, corners, shadow, light, total,
             )  # fmt: skip
             if spent.lobe and (surface[F90] * surface[HIT]).max() > 0:
-                _add_lobe(
+                traced += _add_lobe(
                     functions[1], scene, tables.sphere, emitters, spent, share, tile, surface,
-                    shadow, light, total, sums.rays, row,
+                    shadow, light, total,
                 )  # fmt: skip
         for i in range(PACKET):
             y, x = SIDE * row + i // SIDE, first + i % SIDE
@@ -177,9 +178,10 @@ def _add_row(
                     value = np.float64(total[c, i])
                     sums.radiance[y, x, c] += value
                     sums.squares[y, x, c] += value * value
+    sums.rays[row] += traced
 
 
-@njit(nogil=True)
+@njit(nogil=True, fastmath={"contract"})
 def _aim(
     view: Floats,
     x: int,
@@ -205,7 +207,7 @@ def _aim(
     return inside
 
 
-@njit(nogil=True)
+@njit(nogil=True, fastmath={"contract"})
 def _add_unshadowed(
     smooth: Irradiance, points: int, surface: Floats, corners: Floats, total: Floats
 ) -> None:  # pragma: no cover - compiled
@@ -218,7 +220,7 @@ def _add_unshadowed(
         total[2, i] += share * surface[MATT + 2, i] * blue
 
 
-@njit(nogil=True)
+@njit(nogil=True, fastmath={"contract"})
 def _add_light(
     function: int,
     scene: int,
@@ -233,11 +235,13 @@ def _add_light(
     shadow: tuple[Floats, NDArray[np.int32]],
     light: Floats,
     total: Floats,
-    counts: NDArray[np.int64],
-    row: int,
-) -> None:  # pragma: no cover - compiled
-    """Add what directions of the pool give, in strata `share`, `share` + n², … beyond `corners`."""
+) -> int:  # pragma: no cover - compiled
+    """Add what directions of the pool give, in strata `share`, `share` + n², … beyond `corners`.
+
+    Returns how many rays were traced.
+    """
     rays, valid = shadow
+    traced = 0
     points = spent.side * spent.side
     strata = spent.light * points
     members = pool.shape[0] // strata
@@ -248,10 +252,10 @@ def _add_light(
     for s in range(spent.light):
         random = _mixed(random)
         first = (s * points + share) * members
-        start = np.float64(random >> np.uint64(32)) * _TO_UNIT
+        start = np.int64(random >> np.uint64(36))  # 28 bits, below the 4 of the step
+        turned = np.int64(random & np.uint64(15))
         for i in range(PACKET):
-            step = np.float64(_STEP[i] ^ (random & np.uint64(15)))
-            at = first + min(int((step + start) * members / PACKET), members - 1)
+            at = first + ((((_STEP[i] ^ turned) << 28) + start) * members >> 32)
             for field in range(7):
                 light[field, i] = pool[at, field]
         if _select(sphere, lowest, surface, light, valid):
@@ -260,7 +264,7 @@ def _add_light(
             coherent16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
             for i in range(PACKET):
                 light[7, i] *= np.float32(rays[8, i] > 0)
-                counts[row] -= valid[i]
+                traced -= valid[i]
         for i in range(PACKET):
             expected = np.float32(0)
             for k in range(0, CORNERS, 3):
@@ -270,9 +274,10 @@ def _add_light(
                     + corners[k + 2, i] * light[2, i]
                 )
                 expected += max(cosine, np.float32(0))
-            beyond = part * (light[7, i] - expected)
-            for c in range(3):
-                total[c, i] += beyond * light[3 + c, i] * surface[MATT + c, i]
+            light[8, i] = part * (light[7, i] - expected)
+        for c in range(3):
+            for i in range(PACKET):
+                total[c, i] += light[8, i] * light[3 + c, i] * surface[MATT + c, i]
         if not mirrors:
             continue
         for i in range(PACKET):
@@ -285,9 +290,10 @@ def _add_light(
                 fresnel = f0 + (surface[F90, i] - f0) * grazing
                 passed = fresnel * (mirror - surface[MATT + c, i] * light[7, i])
                 total[c, i] += part * light[3 + c, i] * passed
+    return traced
 
 
-@njit(nogil=True)
+@njit(nogil=True, fastmath={"contract"})
 def _add_lobe(
     function: int,
     scene: int,
@@ -300,11 +306,10 @@ def _add_lobe(
     shadow: tuple[Floats, NDArray[np.int32]],
     light: Floats,
     total: Floats,
-    counts: NDArray[np.int64],
-    row: int,
-) -> None:  # pragma: no cover - compiled
-    """Add what surfaces mirror from directions of their lobes."""
+) -> int:  # pragma: no cover - compiled
+    """Add what surfaces mirror from directions of their lobes; return how many rays were traced."""
     rays, valid = shadow
+    traced = 0
     strata = spent.lobe * spent.side * spent.side
     preference = spent.lobe / spent.light
     radiance = np.empty(3, np.float32)
@@ -326,7 +331,7 @@ def _add_lobe(
             coherent16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
             for i in range(PACKET):
                 light[7, i] *= np.float32(rays[8, i] > 0)
-                counts[row] -= valid[i]
+                traced -= valid[i]
         for i in range(PACKET):
             if light[7, i] == 0:
                 continue
@@ -337,9 +342,10 @@ def _add_lobe(
                 f0 = surface[F0 + c, i]
                 fresnel = f0 + (surface[F90, i] - f0) * grazing
                 total[c, i] += radiance[c] * fresnel * mirror / (density * strata)
+    return traced
 
 
-@njit(nogil=True)
+@njit(nogil=True, fastmath={"contract"})
 def _select(
     sphere: Floats, lowest: float, surface: Floats, light: Floats, valid: NDArray[np.int32]
 ) -> bool:  # pragma: no cover - compiled
@@ -368,7 +374,7 @@ def _select(
     return needed != 0
 
 
-@njit(nogil=True)
+@njit(nogil=True, fastmath={"contract"})
 def _mixed(state: np.uint64) -> np.uint64:  # pragma: no cover - compiled
     """Return a hash of 64 bits: SplitMix64's step and finaliser."""
     z = state + np.uint64(0x9E3779B97F4A7C15)
@@ -377,7 +383,7 @@ def _mixed(state: np.uint64) -> np.uint64:  # pragma: no cover - compiled
     return z ^ (z >> np.uint64(31))
 
 
-@njit(nogil=True)
+@njit(nogil=True, fastmath={"contract"})
 def _pair(bits: np.uint64) -> tuple[float, float]:  # pragma: no cover - compiled
     """Return two numbers in [0, 1) of 32 bits each."""
     low = bits & np.uint64(0xFFFFFFFF)
