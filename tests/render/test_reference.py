@@ -108,11 +108,11 @@ def test_a_sphere_and_its_shadow_as_an_independent_ray_caster_sees_them():
     lights = LightSet(directions, irradiance, np.array([0.3, 0.1, 0.0]), fill=uniform_fill(0.3))
     truth = trace(ball, camera, as_points(lights, per_light=64, per_fill=400))
     scene = Scene((sphere(ball.centre, ball.radius_m, ball.material, 96),), ball.ground)
-    picture = render_reference(scene, camera, lights, error=0.01, seconds=5)
+    picture = render_reference(scene, camera, lights, error=0.008, seconds=5)
     inside = away_from_outlines(ball, camera)
     off = (picture.radiance - truth)[inside, :3]
     assert math.sqrt(np.mean(off**2) / np.mean(truth[inside, :3] ** 2)) < 0.02
-    assert abs(off.mean()) < 0.001 * truth[inside, :3].mean()
+    assert abs(off.mean()) < 0.003 * truth[inside, :3].mean()
 
 
 def test_the_standard_error_is_true():
