@@ -5,6 +5,7 @@ Nothing here waits: a slot holds the newest frame, and what nobody fetched is go
 """
 
 import threading
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -83,6 +84,8 @@ class LiveFrame:
         The newest there is; None before the first.
     age_s : float
         Of `seen`, when this was published: from the start of its exposure.
+    published_s : float
+        On time.monotonic's clock.
     account : mapping
         Numbers for people, as JSON has them.
     """
@@ -91,6 +94,7 @@ class LiveFrame:
     state: State
     seen: Seen | None
     age_s: float
+    published_s: float
     account: Mapping[str, Any]
 
 
@@ -169,7 +173,7 @@ class Desk:
     ) -> None:
         """Put out the newest moment, in place of the last."""
         number = self.newest.number + 1 if self.newest else 1
-        self.newest = LiveFrame(number, state, seen, age_s, account)
+        self.newest = LiveFrame(number, state, seen, age_s, time.monotonic(), account)
         self._tell()
 
     def _tell(self) -> None:

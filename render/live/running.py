@@ -4,6 +4,7 @@ Where somebody may be watching, what is missing is a state that passes: the sour
 calibration are looked for again every two seconds. Without a watcher it is an error at once.
 """
 
+import time
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -118,17 +119,22 @@ def run_live(
             picture = opened.enter_context(LivePicture(desk.models, request.picture_px))
         while True:
             try:
-                counters = _run_once(request, desk, picture, stop)
+                return _run_once(request, desk, picture, stop)
             except Missing as missing:
                 if not is_patient:
                     raise
-                last = desk.newest
-                seen, age_s = (last.seen, last.age_s) if last else (None, 0.0)
-                desk.publish(State(missing.name, str(missing)), seen, age_s, {})
+                _tell(desk, missing)
                 if stop.wait(RETRY_S):
                     return Counters()
-            else:
-                return counters
+
+
+def _tell(desk: Desk, missing: Missing) -> None:
+    """Publish what is missing, with what was seen last, which ages meanwhile."""
+    last, now_s = desk.newest, time.monotonic()
+    seen, age_s = None, 0.0
+    if last is not None:
+        seen, age_s = last.seen, last.age_s + now_s - last.published_s
+    desk.publish(State(missing.name, str(missing)), seen, age_s, {})
 
 
 def _run_once(

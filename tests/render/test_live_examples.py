@@ -79,7 +79,7 @@ def message(directions, irradiance, radius_rad=0.0, state="running", fill=None):
         **({} if fill is None else {"fill": fill}),
     )
     seen = Seen(lights, None, None, None, 0.0, False)
-    return json.loads(stream_message(LiveFrame(1, State(state), seen, 0.0, {})))
+    return json.loads(stream_message(LiveFrame(1, State(state), seen, 0.0, 0.0, {})))
 
 
 def turned(quaternion, vector):

@@ -123,7 +123,7 @@ def test_a_message_holds_its_pictures_whole_with_their_marks():
     drawn = np.full((8, 10, 4), 0.18, np.float32)
     desk = Desk(Settings(count=3), MODELS)
     frame = LiveFrame(
-        5, State("running"), Seen(LIGHTS, camera, environment, drawn, 0.0, True), 0.1, {"a": 1}
+        5, State("running"), Seen(LIGHTS, camera, environment, drawn, 0.0, True), 0.1, 0.0, {"a": 1}
     )
     desk.answer("saved")
     data = encode_frame(frame, desk)

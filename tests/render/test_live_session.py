@@ -342,6 +342,22 @@ def test_a_camera_exposes_as_is_asked_for_and_says_what_it_cannot_do(recording):
     assert counters.captured == counters.replaced + counters.rendered
 
 
+@pytest.mark.gl
+def test_what_was_seen_last_ages_while_the_camera_is_looked_for(tmp_path, monkeypatch):
+    monkeypatch.setattr(running, "RETRY_S", 0.01)
+    desk, stop, ages_s = Desk(Settings(), MODELS), Stop(), []
+
+    def listen():
+        ages_s.append(desk.newest.age_s)
+        if len(ages_s) == 4:
+            stop.set()
+
+    desk.listen(listen)
+    run_live(live_request(tmp_path / "nothing"), desk, stop, is_patient=True)
+    assert ages_s == sorted(ages_s)
+    assert ages_s[-1] >= 0.02
+
+
 def test_a_lost_camera_ends_the_session_with_its_error(recording):
     def lost(_desk, number):
         if number == 2:

@@ -26,7 +26,7 @@ def seen(lights=LIGHTS):
 
 
 def frame(state="running", shown=seen()):  # noqa: B008 - nothing changes it
-    return LiveFrame(7, State(state), shown, 0.25, {})
+    return LiveFrame(7, State(state), shown, 0.25, 0.0, {})
 
 
 def leave_soon(server):
