@@ -93,7 +93,7 @@ def _valid_region(calibration: Calibration) -> list[list[float]]:
     radii_px = np.linspace(0.0, np.hypot(*calibration.image_size_px), _RADII)
     pixels = centre + radii_px[:, None, None] * outward
     _, seen = calibration.unproject(pixels)
-    last = np.maximum(np.argmin(seen, axis=0) - 1, 0)
+    last = np.where(seen, np.arange(_RADII)[:, None], 0).max(axis=0)
     outline = pixels[last, np.arange(_OUTLINE)].round(2).tolist()
     return [*outline, outline[0]]
 
