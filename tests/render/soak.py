@@ -23,6 +23,8 @@ LIVE = [sys.executable, "-c", "from render.main import main; main()", "live"]
 RECORDING = Path(__file__).resolve().parents[2] / "recordings" / "outdoor"
 MOST_GROWTH = 0.05
 SETTLED_S = 120.0
+MOST_MORE = 2
+"""Threads or files more than then: pools of threads come and go by one or two."""
 CHANGES = ({"count": 32}, {"count": 64}, {"method": "median-cut"}, {"method": "adaptive"})
 
 
@@ -93,8 +95,8 @@ async def run(minutes: float) -> None:
     lost = counters["captured"] - sum(counters[n] for n in ("replaced", "rendered", "failed"))
     assert 0 <= lost <= 2, f"{lost} brackets are in no counter (those that waited at the end are)"
     assert growth <= MOST_GROWTH
-    assert last[1] <= settled[1]
-    assert last[2] <= settled[2]
+    assert last[1] <= settled[1] + MOST_MORE
+    assert last[2] <= settled[2] + MOST_MORE
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from capture.reopening import CameraAway
 from capture.v4l2.camera import CameraRequest
 from lighting.light_files import read_lights
 from lighting.maps.environment_files import read_environment
+from render.gl import GlUnavailable
 from render.live import running
 from render.live.desk import Desk
 from render.live.models import load_models
@@ -340,6 +341,23 @@ def test_a_camera_exposes_as_is_asked_for_and_says_what_it_cannot_do(recording):
     assert desk.notice.is_error
     assert "cannot expose for 1 s" in desk.notice.text
     assert counters.captured == counters.replaced + counters.rendered
+
+
+def test_without_opengl_there_are_lights_and_no_picture(recording, monkeypatch):
+    def unavailable(*_):
+        raise GlUnavailable("no driver")
+
+    monkeypatch.setattr(running, "LivePicture", unavailable)
+    desk = Desk(Settings(), MODELS)
+    desk.is_watched = True
+    moments = []
+    desk.listen(lambda: moments.append(desk.newest))
+    run_live(live_request(recording.folder), desk, Stop(), is_patient=False)
+    shown = next(moment for moment in moments if moment.state.name == "running")
+    assert shown.account["gl"] is None
+    assert shown.seen.picture is None
+    assert shown.seen.environment is not None
+    assert len(shown.seen.lights) > 0
 
 
 @pytest.mark.gl
