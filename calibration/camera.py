@@ -4,13 +4,14 @@ Domain : pixels (x, y) with integers at pixel centres; directions are unit vecto
 camera. Camera frame: +x right, +y down, +z forward. World frame: +Y up.
 """
 
-from dataclasses import Field, dataclass, field, fields, replace
+from dataclasses import Field, dataclass, field, replace
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calibration.reflectance import check_reflectance, reflected_share
+from calibration.resizing import same_shape, scaled
 from capture.arrays import read_only
 from capture.errors import InputError
 
@@ -118,6 +119,9 @@ class Calibration:
     reflectance : tuple of float
         Of a mirror ball: the shares of red, green and blue light that falls straight on it which it
         reflects. Empty for all of it, at every angle.
+    inner_angle_rad : float
+        Angle from the model's axis within which it is not to be trusted: the middle of a mirror
+        optic that shows a ring.
     """
 
     model: CameraModel
@@ -128,6 +132,7 @@ class Calibration:
     vignetting: tuple[float, ...] = ()
     uneven_vignetting: tuple[float, ...] = ()
     reflectance: tuple[float, ...] = ()
+    inner_angle_rad: float = 0.0
 
     def __post_init__(self) -> None:
         width, height = self.image_size_px
@@ -136,6 +141,11 @@ class Calibration:
         if not 0 < self.valid_angle_rad <= np.pi + 1e-9:
             raise InputError(
                 f"valid_angle_rad must be in (0, π], 3.14159 at most, got {self.valid_angle_rad}"
+            )
+        if not 0 <= self.inner_angle_rad < self.valid_angle_rad:
+            raise InputError(
+                "inner_angle_rad must be from 0 to less than valid_angle_rad, "
+                f"got {self.inner_angle_rad}"
             )
         rotation = read_only("R_world_camera", self.R_world_camera, np.float64, (3, 3))
         within_unit = np.abs(rotation).max() < 1.1  # else its product might overflow
@@ -229,7 +239,7 @@ class Calibration:
         message = (
             f"{what} is {width}×{height} px but the calibration holds for {own_width}×{own_height}"
         )
-        if _same_shape(size_px, self.image_size_px):
+        if same_shape(size_px, self.image_size_px):
             raise InputError(
                 f"{message}: if the picture was resized, scale the calibration file "
                 f"(centre and lengths in pixels × {width / own_width:.6g}) or the picture"
@@ -244,7 +254,7 @@ class Calibration:
         InputError
             If the shape differs by more than the rounding of a side to whole pixels.
         """
-        if not _same_shape(size_px, self.image_size_px):
+        if not same_shape(size_px, self.image_size_px):
             raise InputError(
                 f"a calibration for {self.image_size_px[0]}×{self.image_size_px[1]} px cannot be "
                 f"scaled to {size_px[0]}×{size_px[1]}: the shape differs"
@@ -253,9 +263,9 @@ class Calibration:
         circle = self.image_circle
         return replace(
             self,
-            model=_scaled(self.model, scale),
+            model=scaled(self.model, scale),
             image_size_px=size_px,
-            image_circle=None if circle is None else _scaled(circle, scale),
+            image_circle=None if circle is None else scaled(circle, scale),
         )
 
     def _axis_angle(self, in_camera: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -269,7 +279,9 @@ class Calibration:
         width, height = self.image_size_px
         with np.errstate(invalid="ignore"):
             seen = (x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5)
-            seen &= self._axis_angle(in_camera) <= self.valid_angle_rad + _ROUNDING_RAD
+            angle_rad = self._axis_angle(in_camera)
+            seen &= angle_rad <= self.valid_angle_rad + _ROUNDING_RAD
+            seen &= angle_rad >= self.inner_angle_rad - _ROUNDING_RAD
             if self.image_circle is not None:
                 centre_x, centre_y = self.image_circle.centre_px
                 seen &= np.hypot(x - centre_x, y - centre_y) <= self.image_circle.radius_px
@@ -284,27 +296,3 @@ def uneven_terms(angle_rad: ArrayLike, azimuth_rad: ArrayLike, count: int) -> ND
     pairs = np.stack([np.cos(turned), np.sin(turned)], axis=-1)
     pairs *= (angle[..., None] ** orders)[..., None]
     return pairs.reshape(*angle.shape, count)
-
-
-def _same_shape(size_px: tuple[int, int], other_px: tuple[int, int]) -> bool:
-    """Whether one size is the other times a factor, to the rounding of a side to whole pixels."""
-    (width, height), (other_width, other_height) = size_px, other_px
-    slack = max(width, height, other_width, other_height)
-    return 2 * abs(width * other_height - height * other_width) <= slack
-
-
-def _scaled(lens: Any, scale: NDArray[np.float64]) -> Any:
-    """Return a frozen dataclass whose fields in pixels hold for a picture scaled in x and y.
-
-    A pixel's centre is half a pixel from its corner, which is what scales: (x + ½) s − ½.
-    """
-    changes: dict[str, object] = {}
-    for name in (each.name for each in fields(lens) if each.name.endswith("_px")):
-        value = np.asarray(getattr(lens, name))
-        if name in ("centre_px", "principal_px"):
-            changes[name] = tuple(((value + 0.5) * scale - 0.5).tolist())
-        elif name == "focal_px":
-            changes[name] = tuple((value * scale).tolist())
-        else:  # a radius: its circle stays one to within the rounding of the picture's sides
-            changes[name] = float(value * np.sqrt(scale.prod()))
-    return replace(lens, **changes)

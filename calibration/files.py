@@ -3,9 +3,9 @@
 Input  : {"model": "equisolid", "image_size_px": [5616, 3744], "centre_px": [2807.5, 1871.5],
           "focal_px": 1248, "valid_angle_rad": 1.6232}, the model's other parameters by name, and
          optionally R_world_camera, image_circle {centre_px, radius_px}, vignetting [v1, …],
-         uneven_vignetting, reflectance, and what `fishlight calibrate` made it from: lens_fit
-         (calibration/lens/record.py), vignetting_fit (calibration/vignetting_record.py) and
-         ball_fit (calibration/ball_record.py).
+         uneven_vignetting, reflectance, inner_angle_rad, and what `fishlight calibrate` made it
+         from: lens_fit (calibration/lens/record.py), vignetting_fit
+         (calibration/vignetting_record.py) and ball_fit (calibration/ball_record.py).
 Output : Calibration, or InputError in one line that names the file and the key.
 """
 
@@ -48,6 +48,7 @@ class _Camera(msgspec.Struct):
     vignetting: tuple[float, ...] = ()
     uneven_vignetting: tuple[float, ...] = ()
     reflectance: tuple[float, ...] = ()
+    inner_angle_rad: float = 0.0
     lens_fit: dict[str, Any] | None = None
     vignetting_fit: dict[str, Any] | None = None
     ball_fit: dict[str, Any] | None = None
@@ -99,6 +100,7 @@ def read_calibration(path: Path) -> Calibration:
             vignetting=camera.vignetting,
             uneven_vignetting=camera.uneven_vignetting,
             reflectance=camera.reflectance,
+            inner_angle_rad=camera.inner_angle_rad,
         )
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
@@ -130,6 +132,8 @@ def write_calibration(
         content["uneven_vignetting"] = calibration.uneven_vignetting
     if calibration.reflectance:
         content["reflectance"] = calibration.reflectance
+    if calibration.inner_angle_rad:
+        content["inner_angle_rad"] = calibration.inner_angle_rad
     records = zip(_RECORDS, (lens_fit, vignetting_fit, ball_fit), strict=True)
     content |= {name: record for name, record in records if record is not None}
     lines = [

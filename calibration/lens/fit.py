@@ -19,7 +19,13 @@ from calibration.camera import Calibration
 from calibration.lens.adjust import Solution, in_camera_m, typical_px
 from calibration.lens.choice import Trial, chosen, try_lenses
 from calibration.lens.corners import Corners, gather
-from calibration.lens.quality import UNCERTAINTY_LIMIT_RAD, Quality, assessed, valid_angle
+from calibration.lens.quality import (
+    UNCERTAINTY_LIMIT_RAD,
+    Quality,
+    assessed,
+    inner_angle,
+    valid_angle,
+)
 from calibration.lens.robust import Fit
 from calibration.lens.screening import LEAST_VIEWS, screen
 from calibration.lens.start import FREE, first_solution
@@ -46,7 +52,7 @@ class LensFit:
     Attributes
     ----------
     calibration : Calibration
-        Its valid angle is where `quality` ends being good enough.
+        Its valid angle is where `quality` ends being good enough, its inner angle where it begins.
     board : Board
     views : tuple of View
         Those used, V of them.
@@ -122,7 +128,7 @@ def fit_lens(board: Board, views: Sequence[View], rejected: Sequence[Rejected] =
     quality = assessed(inside, trials, best, seen_rad, size_px)
     _check_quality(quality)
     return LensFit(
-        Calibration(model, size_px, valid_angle(quality)),
+        Calibration(model, size_px, valid_angle(quality), inner_angle_rad=inner_angle(quality)),
         board,
         tuple(used),
         tuple(refused),

@@ -132,3 +132,10 @@ def valid_angle(quality: Quality) -> float:
         return outer
     sure = quality.angle_rad[seen & (quality.angle_rad < unsure[0])]
     return float(sure[-1]) if len(sure) else inner
+
+
+def inner_angle(quality: Quality) -> float:
+    """Return the angle within which no corner was seen and directions are not sure enough, or 0."""
+    inner, _ = quality.seen_rad
+    unsure = quality.angle_rad[~(quality.sigma_rad <= UNCERTAINTY_LIMIT_RAD)]
+    return inner if np.any(unsure < inner) else 0.0

@@ -188,11 +188,16 @@ def summary(record: LensRecord, calibration: Calibration) -> list[str]:
         "lenses from every other view differ by "
         f"{_listed(record.angle_rad, record.split_rad, record.seen_rad)}",
         f"corners were seen from {inner:.0f}° to {outer:.1f}° off the axis; "
-        f"rays are taken to {np.rad2deg(calibration.valid_angle_rad):.1f}°",
+        f"rays are taken {_from(calibration)}to {np.rad2deg(calibration.valid_angle_rad):.1f}°",
     ]
     if len(record.views) < _FEW_VIEWS:
         lines.append(f"{len(record.views)} views are few: ten or more tell more than their noise")
     return lines
+
+
+def _from(calibration: Calibration) -> str:
+    inner = np.rad2deg(calibration.inner_angle_rad)
+    return f"from {inner:.1f}° " if inner else ""
 
 
 def _listed(

@@ -163,9 +163,9 @@ def _uncertainty(evidence: Evidence) -> Diagram:
     unsure = angle[(angle < valid) & ~(sigma <= limit)]
     caption = (
         "Standard deviation of a direction the way it is least sure, and how much lenses from "
-        "every other view differ. 1 mrad moves a shadow's edge by 1 mm a metre. Tinted: where corners "
-        f"were seen. Rays beyond the valid angle are refused: there no corner was seen, or the "
-        f"uncertainty exceeds {limit:g} mrad."
+        "every other view differ. 1 mrad moves a shadow's edge by 1 mm a metre. Tinted: where "
+        "corners were seen. Rays beyond the valid angle are refused: there no corner was seen, or "
+        f"the uncertainty exceeds {limit:g} mrad."
         + (
             f" Near the axis it exceeds that too, to {unsure[-1]:.0f}°, where rays are not refused."
             if len(unsure)

@@ -68,6 +68,15 @@ def test_validity_ends_at_the_valid_angle_the_circle_and_the_picture_edge() -> N
     np.testing.assert_array_equal(long_lens.project(directions)[1], long_lens.unproject(along_x)[1])
 
 
+def test_the_middle_of_a_ring_is_unseen_within_the_inner_angle() -> None:
+    ring = replace(FISHEYE, inner_angle_rad=np.radians(50.0))
+    at = np.radians([0.0, 49.9, 50.0, 50.1, 92.9])
+    directions = np.stack([np.sin(at), 0 * at, np.cos(at)], axis=-1)
+    pixels, valid = ring.project(directions)
+    assert valid.tolist() == [False, False, True, True, True]
+    assert ring.unproject(pixels)[1].tolist() == valid.tolist()
+
+
 def test_the_angles_of_a_mirror_ball_count_from_the_direction_back_to_the_camera() -> None:
     ball = Calibration(MirrorBall(CENTRE, 140.0, 8.0), SIZE, np.radians(100.0))
     back = LEVEL @ [0.0, 0.0, -1.0]
@@ -121,6 +130,8 @@ def test_relative_illumination_is_the_polynomial_in_the_squared_angle() -> None:
         ({"image_size_px": (0, 3)}, "image_size_px"),
         ({"valid_angle_rad": 93.0}, "valid_angle_rad"),
         ({"valid_angle_rad": np.nan}, "valid_angle_rad"),
+        ({"inner_angle_rad": 1.7}, "inner_angle_rad must be from 0 to less than valid_angle_rad"),
+        ({"inner_angle_rad": -0.1}, "inner_angle_rad"),
         ({"R_world_camera": np.diag([1.0, 1.0, -1.0])}, "R_world_camera"),
         ({"R_world_camera": np.full((3, 3), np.nan)}, "R_world_camera"),
         ({"vignetting": (-0.5,)}, "vignetting"),

@@ -67,6 +67,7 @@ def test_every_model_is_read_back_exactly(tmp_path: Path, model) -> None:
         image_circle=ImageCircle((320.0, 240.5), 235.0),
         vignetting=(-0.1, 0.02),
         uneven_vignetting=(0.01, -0.02),
+        inner_angle_rad=0.4,
     )
     for calibration in (plain, full):
         write_calibration(path, calibration)

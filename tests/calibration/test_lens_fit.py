@@ -13,7 +13,7 @@ from calibration.lens.adjust import residuals_px
 from calibration.lens.choice import Trial, chosen
 from calibration.lens.corners import gather
 from calibration.lens.fit import LensFit, fit_lens
-from calibration.lens.quality import UNCERTAINTY_LIMIT_RAD
+from calibration.lens.quality import UNCERTAINTY_LIMIT_RAD, Quality, inner_angle
 from calibration.lens.record import read_lens_record, record_of, restored, summary
 from calibration.lens.screening import screen
 from calibration.lens.start import FREE, first_solution
@@ -67,6 +67,14 @@ def test_rays_are_taken_as_far_as_corners_were_seen(fit: LensFit) -> None:
     beyond = fit.quality.angle_rad - fit.calibration.valid_angle_rad
     sigma = fit.quality.sigma_rad
     assert np.all(sigma[beyond > 0.05] > sigma[beyond <= 0].max())
+
+
+def test_the_middle_is_refused_only_where_no_corner_tells_of_it() -> None:
+    angle_rad = np.array([0.1, 0.5, 1.0, 1.5])
+    lens = Quality(angle_rad, np.array([1e-3, 1e-3, 1e-3, 9e-3]), np.zeros(4), (0.3, 1.2))
+    ring = replace(lens, sigma_rad=np.array([9e-3, 1e-3, 1e-3, 9e-3]))
+    assert inner_angle(lens) == 0
+    assert inner_angle(ring) == 0.3
 
 
 def test_a_calibration_file_keeps_what_it_was_made_from(fit: LensFit, tmp_path: Path) -> None:
