@@ -45,13 +45,11 @@ from calibration.lens.quality import Quality
 from calibration.lens.start import first_solution
 from calibration.lens.uncertainty import Fan, direction_covariance, direction_difference, fan
 from calibration.lens.validation import predicted_residuals_px
-from calibration.models.double_sphere import DoubleSphere
-from calibration.models.kannala_brandt import KannalaBrandt
 from calibration.models.parameters import parameters
 from calibration.observations import View
 from capture.errors import InputError
 from tests.benchmarks import lens_peers
-from tests.calibration.simulated_views import BOARD, simulated_views
+from tests.benchmarks.lens_scenes import NOISE_PX, SIMULATED, Scene
 
 Array = NDArray[np.float64]
 
@@ -64,35 +62,7 @@ REAL_SETS = {
     "Kaidan mirror": ("calib-kaidan-catadioptric/example/*.jpg", "11x7", 0.03),
 }
 
-SIZE_PX = (1200, 1200)
-
-NOISE_PX = 0.1
-
 VIEWS = 24
-
-
-class Scene(NamedTuple):
-    """A lens that is known, and the board that is shown it up to an angle from the axis."""
-
-    lens: CameraModel
-    board: Board
-    rim_rad: float
-
-    def views(self, count: int, seed: int) -> list[View]:
-        """Return views at places drawn by the seed."""
-        random, angle = np.random.default_rng(seed), self.rim_rad
-        return simulated_views(
-            self.lens, SIZE_PX, count, random, board=self.board, most_angle_rad=angle
-        )
-
-
-_WIDE = KannalaBrandt((601.3, 597.2), 330.0, -0.02, 0.004, -0.001, 0.0)
-
-SIMULATED = {
-    "194°": Scene(_WIDE, BOARD, np.deg2rad(80.0)),
-    "220°": Scene(DoubleSphere((595.1, 603.8), 250.0, -0.15, 0.6), BOARD, np.deg2rad(80.0)),
-    "194°, large board": Scene(_WIDE, Board("checkerboard", 8, 6, 0.05), np.deg2rad(97.0)),
-}
 
 
 class Found(NamedTuple):
