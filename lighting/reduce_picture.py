@@ -14,7 +14,7 @@ from capture.radiance import RadianceImage
 from lighting.blocks.fill import Fill, fill_blocks, fill_unseen
 from lighting.blocks.source_blocks import picture_blocks
 from lighting.light_set import LightSet
-from lighting.maps.remap import remap_image
+from lighting.maps.remap_image import remap_image
 from lighting.reduce import ADAPTIVE, BLOCK_METHODS, reduce_to_lights
 
 _MAP_HEIGHT = 512

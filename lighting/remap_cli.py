@@ -12,7 +12,7 @@ from capture.output import check_place
 from capture.radiance_files import read_radiance
 from lighting.blocks.fill import Fill, fill_unseen
 from lighting.maps.environment_files import write_environment
-from lighting.maps.remap import remap_image
+from lighting.maps.remap_image import remap_image
 
 _MAX_HEIGHT = 2048
 

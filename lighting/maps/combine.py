@@ -19,7 +19,7 @@ from calibration.sharpness import pixels_per_rad
 from capture.errors import InputError
 from capture.radiance import RadianceImage
 from lighting.maps.environment import EnvironmentMap, luminance
-from lighting.maps.remap import remap_image
+from lighting.maps.remap_image import remap_image
 from lighting.maps.spherical_registration import Turn, register_turn
 from lighting.sphere.latlong import cell_directions
 

@@ -5,7 +5,7 @@ Every pixel's flux (radiance × solid angle) is shared among the cells it covers
 a cell's radiance is the mean of what it got, weighted by solid angle. So a constant picture stays
 constant, and a light smaller than a pixel keeps its flux and its place at any size of map.
 `build_remap` does this once for a camera and a size of map; `apply_remap` is then one sparse
-product per picture. `remap_image` is for single pictures of any size, in bounded memory.
+product per picture. A single picture of any size goes through `remap_image.remap_image`.
 Cost   : see tests/benchmarks/remap.py.
 Fails  : at the edge of what the camera sees. A cell there holds the mean of the part that was seen,
 so a light in it counts for the whole cell.
@@ -21,7 +21,7 @@ from calibration.camera import Calibration
 from capture.errors import InputError
 from capture.radiance import RadianceImage
 from lighting.maps.environment import EnvironmentMap
-from lighting.maps.footprint import BAND_PARTS, add_band, count_entries, fill_entries, row_balance
+from lighting.maps.footprint import count_entries, fill_entries, row_balance
 from lighting.maps.pixel_grid import (
     pixel_corners,
     pixel_illumination,
@@ -34,10 +34,7 @@ _FULL = 0.8
 """Share of a cell that pixels must cover for it to be taken as covered whole: below it the cell
 lies on the edge of the picture, above it the difference to 1 is the unevenness of sampling."""
 _BALANCE_ROUNDS = 8
-_OPERATOR_PX = 8_000_000
-"""Largest picture for which a whole operator is built on the way."""
-_BAND_PX = 1_000_000
-_HALF = 0.5
+HALF = 0.5
 """Coverage from which on a cell is valid."""
 _TASKS = 64
 """Parts the map is cut into for threads, of equal work."""
@@ -140,7 +137,7 @@ def apply_remap(remap: Remap, image: RadianceImage) -> EnvironmentMap:
     radiance = np.zeros((remap.coverage.size, 3), np.float32)
     clipped = np.zeros(remap.coverage.size, np.bool_)
     if image.valid.all() and not image.clipped.any():
-        valid = remap.coverage.ravel() >= _HALF
+        valid = remap.coverage.ravel() >= HALF
         _fill_cells(
             tasks, remap.cells, remap.starts, remap.pixels, remap.weights, valid, pixels, radiance
         )
@@ -161,54 +158,6 @@ def apply_remap(remap: Remap, image: RadianceImage) -> EnvironmentMap:
             valid,
             clipped,
         )
-    return EnvironmentMap(
-        radiance.reshape(*shape, 3), valid.reshape(shape), clipped.reshape(shape), image.scale
-    )
-
-
-def remap_image(calibration: Calibration, image: RadianceImage, height: int) -> EnvironmentMap:
-    """Return the environment map of one picture, in memory bounded by the map and not the picture.
-
-    A picture of at most 8 Mpx goes through `build_remap`. A larger one is taken in bands whose
-    light is added up straight away. That cannot be balanced, and is finely sampled instead: the
-    two ways differ by less than 1 % in the flux of a one-pixel light.
-
-    Raises
-    ------
-    InputError
-        If the picture's size is not the calibration's.
-    """
-    calibration.check_size(image.size_px, "the picture")
-    columns, rows = image.size_px
-    if rows * columns <= _OPERATOR_PX:
-        return apply_remap(build_remap(calibration, height), image)
-    factors = row_balance(height)
-    flux = np.zeros((BAND_PARTS, 2 * height**2, 3))
-    seen_sr = np.zeros((BAND_PARTS, 2 * height**2))
-    clipped = np.zeros(2 * height**2, np.bool_)
-    band_rows = max(_BAND_PX // columns, 1)
-    for first in range(0, rows, band_rows):
-        last = min(first + band_rows, rows)
-        corners, seen = pixel_corners(calibration, first, last)
-        band = image.radiance[first:last]
-        if calibration.reflectance:
-            band = band / pixel_reflected(calibration, first, last).reshape(band.shape)
-        add_band(
-            corners,
-            seen & image.valid[first:last],
-            factors,
-            band,
-            pixel_illumination(calibration, first, last).reshape(-1, columns),
-            image.clipped[first:last],
-            flux,
-            seen_sr,
-            clipped,
-        )
-    total_sr = seen_sr.sum(axis=0)
-    valid = total_sr >= _HALF * np.repeat(solid_angles(height), 2 * height)
-    radiance = np.zeros((2 * height**2, 3), np.float32)
-    radiance[valid] = flux.sum(axis=0)[valid] / total_sr[valid, None]
-    shape = (height, 2 * height)
     return EnvironmentMap(
         radiance.reshape(*shape, 3), valid.reshape(shape), clipped.reshape(shape), image.scale
     )
@@ -320,7 +269,7 @@ def _fill_marked_cells(  # type: ignore[no-untyped-def]
                     share += weight * illumination[p] if len(illumination) else weight
                     is_clipped |= pixel_clipped[p]
             clipped[cell] = is_clipped
-            if share * coverage[cell] >= _HALF:
+            if share * coverage[cell] >= HALF:
                 valid[cell] = True
                 result[cell, 0] = red / share
                 result[cell, 1] = green / share

@@ -38,7 +38,7 @@ from capture.radiance import CD_M2, RadianceImage
 from lighting.maps.combine import View, align_views, combine_views, trust
 from lighting.maps.environment import EnvironmentMap, luminance
 from lighting.maps.environment_files import read_environment
-from lighting.maps.remap import remap_image
+from lighting.maps.remap_image import remap_image
 from lighting.photometry.absolute_scale import scale_from_illuminance, scale_from_luminance
 from lighting.photometry.clipped_source import recover_clipped
 from lighting.photometry.disc import disc_shares

@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import lighting.maps.remap
+import lighting.maps.remap_image
 from calibration.camera import Calibration
 from calibration.models.mirror_ball import MirrorBall
 from capture.radiance import RadianceImage
 from lighting.blocks.source_blocks import apply_source_blocks, build_source_blocks, picture_blocks
 from lighting.maps.environment import EnvironmentMap
-from lighting.maps.remap import apply_remap, build_remap, remap_image
+from lighting.maps.remap import apply_remap, build_remap
+from lighting.maps.remap_image import remap_image
 from lighting.simulation.scenario import Moment
 from lighting.simulation.simulate import build_view, see
 
@@ -47,8 +48,8 @@ def test_a_map_has_the_light_of_the_room(monkeypatch: pytest.MonkeyPatch) -> Non
     picture = seen_by(DARK)
     at_once = apply_remap(build_remap(DARK, 16), picture)
     np.testing.assert_allclose(at_once.radiance[at_once.valid], [ROOM] * at_once.valid.sum(), 1e-4)
-    monkeypatch.setattr(lighting.maps.remap, "_OPERATOR_PX", 0)
-    monkeypatch.setattr(lighting.maps.remap, "_BAND_PX", 1000)
+    monkeypatch.setattr(lighting.maps.remap_image, "_OPERATOR_PX", 0)
+    monkeypatch.setattr(lighting.maps.remap_image, "_BAND_PX", 1000)
     banded = remap_image(DARK, picture, 16)
     np.testing.assert_allclose(banded.radiance[banded.valid], [ROOM] * banded.valid.sum(), 1e-4)
 

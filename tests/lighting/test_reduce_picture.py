@@ -11,7 +11,7 @@ from lighting.blocks.block_sums import BlockSums
 from lighting.blocks.fill import fill_blocks, fill_unseen
 from lighting.blocks.source_blocks import picture_blocks
 from lighting.blocks.summed_area import block_sums
-from lighting.maps.remap import remap_image
+from lighting.maps.remap_image import remap_image
 from lighting.reduce import (
     BLOCK_METHODS,
     METHODS,

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-import lighting.maps.remap
+import lighting.maps.remap_image
 from calibration.camera import LEVEL, UP, Calibration, ImageCircle
 from calibration.models.equidistant import Equidistant
 from calibration.models.equirectangular import full_sphere
@@ -18,7 +18,8 @@ from calibration.models.mirror_ball import MirrorBall
 from capture.errors import InputError
 from capture.radiance import RadianceImage
 from lighting.maps.footprint import pixel_footprint, row_balance, triangle_solid_angle
-from lighting.maps.remap import Remap, apply_remap, build_remap, remap_image
+from lighting.maps.remap import Remap, apply_remap, build_remap
+from lighting.maps.remap_image import remap_image
 from lighting.sphere.latlong import (
     cell_directions,
     direction_to_grid,
@@ -386,8 +387,8 @@ def test_a_large_picture_in_bands_gives_the_same_light(
     valid = np.random.default_rng(3).random((rows, width)) > 0.02
     image = picture(np.where(valid[..., None], radiance, 0), valid=valid, clipped=clipped & valid)
     whole = remap_image(camera, image, 16)
-    monkeypatch.setattr(lighting.maps.remap, "_OPERATOR_PX", 0)
-    monkeypatch.setattr(lighting.maps.remap, "_BAND_PX", 1000)
+    monkeypatch.setattr(lighting.maps.remap_image, "_OPERATOR_PX", 0)
+    monkeypatch.setattr(lighting.maps.remap_image, "_BAND_PX", 1000)
     banded = remap_image(camera, image, 16)
     np.testing.assert_array_equal(banded.clipped, whole.clipped)
     assert (banded.valid != whole.valid).mean() < 0.01
