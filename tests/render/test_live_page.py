@@ -250,6 +250,10 @@ def test_a_tolerance_and_a_frame_rate_can_be_asked_for(page):
     wait_until(page, lambda: settings_of(page)["frame_rate_hz"] == 25)
     page.locator("#frame_rate_hz").fill("10")
     wait_until(page, lambda: settings_of(page)["frame_rate_hz"] == 10)
+    page.reload()
+    page.wait_for_selector("#picture-panel.has-image")
+    wait_until(page, lambda: page.get_by_label("Tolerance").is_checked())
+    assert page.locator("#frame_rate_hz").input_value() == "10"
     page.get_by_label("Keep a frame rate").uncheck(force=True)
     page.get_by_text("Count", exact=True).click()
     wait_until(page, lambda: not settings_of(page)["is_auto"])
