@@ -145,6 +145,8 @@ def _remark(name: str, near: "Approximation") -> str:
 def _left_out(camera: Calibration) -> list[str]:
     """Return what the formats have no place for."""
     parts = [f"valid angle ({np.rad2deg(camera.valid_angle_rad):.1f}°)"]
+    if camera.inner_angle_rad:
+        parts.append(f"inner angle ({np.rad2deg(camera.inner_angle_rad):.1f}°)")
     if camera.image_circle is not None:
         parts.append("image circle")
     if camera.vignetting or camera.uneven_vignetting:

@@ -4,6 +4,9 @@ Input  : views of one camera at one setting and picture size, three or more; ten
 out to the rim, for a calibration that is worth having.
 Output : LensFit; its calibration refuses rays where nothing was seen or the uncertainty is large.
 Cost   : some seconds for 20 views of 50 corners.
+Accuracy : what the corners leave possible, on simulated lenses of 194°. With 0.1 px of noise and
+boards to 80° off the axis, 24 views of a 9×6 board of 30 mm squares leave 0.8 mrad at 80°, 48 views
+0.5, and 48 views of a 14×9 board of 35 mm squares 0.24 (tests/benchmarks/lens.py).
 Fails  : for optics without an axis of symmetry; a mirror optic is calibrated as the lens that would
 take the mirrored picture.
 """

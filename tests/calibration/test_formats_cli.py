@@ -1,5 +1,6 @@
 """`fishlight calibrate import` and `export`, as a shell calls them."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,9 @@ def test_what_is_imported_is_exported_again(
     run("export", ours, "-o", theirs, "--format", "colmap")
     assert theirs.read_text().splitlines()[-1] + "\n" == CAMERA
     assert "left out, for want of a place: valid angle (60.0°)\n" in capsys.readouterr().out
+    write_calibration(ours, replace(calibration, inner_angle_rad=0.5))
+    run("export", ours, "-o", theirs, "--format", "colmap", "--force")
+    assert "valid angle (60.0°), inner angle (28.6°)\n" in capsys.readouterr().out
 
 
 def test_a_valid_angle_that_was_guessed_is_told(
