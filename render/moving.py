@@ -6,11 +6,14 @@ rays from every pixel, for all others by one ray from one pixel of sixteen, whos
 same surface take over what it saw.
 
 Input  : a scene, a camera and LightSets.    Output : linear radiance, in the lights' scale.
-Cost   : 50 to 60 ms at 640×480 with 64 lights on two cores, everything new; nothing is kept but
-         the triangles' hierarchy, which takes 2 ms per 70,000 triangles when they move.
+Cost   : 100 to 150 ms of CPU time at 640×480 with 64 lights, half of that on two idle cores,
+         everything new; nothing is kept but the triangles' hierarchy, which takes 2 ms per 70,000
+         triangles when they move (tests/benchmarks/render.py).
 Fails  : penumbrae of wide lights that are not the strongest are grainy, in a pattern that stands
-         still on the screen. One sample per pixel finds no triangle narrower than that. The light
-         of a fill comes from a dome of discs (dome.py).
+         still on the screen. A single wide light is blurred by four pixels, and each point of its
+         disc counts alike, whatever its cosine (tests/limits/test_render_moving.py). One sample per
+         pixel may miss what is narrower. The light of a fill comes from a dome of discs (dome.py).
+         Mirrors show the lights and not the map they stand for.
 """
 
 from dataclasses import dataclass
@@ -48,7 +51,7 @@ _FLOATS = NDArray[np.float32]
 
 _OFFSET = 1e-4  # of the casters' radius: rays start that far off their surface
 _POINT_RAD = 1e-3
-_SOFT_RAD = 0.03  # from here on a penumbra is wider than the pixels it is averaged over
+_WIDE_RAD = 0.03
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 _SLOTS = 4  # the kernels move so many lights at once
 
@@ -67,14 +70,17 @@ class Effort:
         Least share of all light that makes one.
     key_rays : int
         Rays of a pixel to a key light that is no point; a power of 2.
+    soft_rad : float
+        Radius from which on the penumbra of a key light is averaged over 4 × 4 pixels, being wider.
     is_softened : bool
-        Whether what rays to the other lights saw is averaged over nine of them.
+        Whether what rays to the other lights saw is averaged over nine of them, if any is wide.
     """
 
     interleaving: int = 4
     key_lights: int = 4
     key_share: float = 0.1
     key_rays: int = 2
+    soft_rad: float = 0.03
     is_softened: bool = True
 
 
@@ -174,7 +180,7 @@ class MovingRenderer:
         trace_lights(*tracing, table, points, ray_count, keys, side, self._visible)
         visible = self._visible
         eye, pixel_rad = self._camera.eye.astype(np.float32), self._pixel_rad()
-        if self._effort.is_softened and np.any(radius_rad[keys:] >= _SOFT_RAD):
+        if self._effort.is_softened and np.any(radius_rad[keys:] >= _WIDE_RAD):
             soften(self._surfaces, visible, keys, eye, pixel_rad, self._softened)
             visible = self._softened
         width, height = self._size_px
@@ -182,9 +188,10 @@ class MovingRenderer:
         seen_behind = np.zeros((1, 1, 3), np.float32)
         if background is not None:
             seen_behind = np.ascontiguousarray(background.radiance)
+        is_soft = radius_rad[:keys] >= self._effort.soft_rad
         add_lights(
-            *tracing, visible, table, points, radius_rad[:keys] >= _SOFT_RAD, keys, side, eye,
-            pixel_rad, seen_behind, picture,
+            *tracing, visible, table, points, is_soft, keys, side, eye, pixel_rad, seen_behind,
+            picture,
         )  # fmt: skip
         n = self._samples_per_axis
         samples = picture.reshape(height // n, n, width // n, n, 4)

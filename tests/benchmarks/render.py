@@ -21,6 +21,7 @@ from render.casters import gather_casters
 from render.default_scene import default_scene, sphere
 from render.gbuffer import GBuffer
 from render.gl import create_context, describe
+from render.moving import Effort, MovingRenderer
 from render.renderer import Renderer
 from render.scene import Camera, Ground, Material, Scene
 from render.shadows import ShadowAtlas
@@ -37,6 +38,7 @@ def run(repeats: int) -> list[dict[str, Any]]:
         return [
             *_parts(context, repeats),
             *_baked(context, repeats),
+            *_moving(few),
             *_peer(context, few),
             *_soft(context, few),
         ]
@@ -93,6 +95,53 @@ def _baked(context: moderngl.Context, repeats: int) -> list[dict[str, Any]]:
         _row("frame, 64 lights, baked", "baked", frame_ms),
         _row("frame, one narrow light moved, baked", "baked", moved_ms),
     ]
+
+
+EFFORTS = {
+    "n = 4": Effort(),
+    "n = 4, not averaged": Effort(is_softened=False),
+    "n = 4, no key lights": Effort(key_lights=0),
+    "n = 4, 16 key lights": Effort(key_lights=16, key_share=0.0),
+    "n = 4, 4 rays to key lights": Effort(key_rays=4),
+    "n = 2": Effort(interleaving=2),
+    "n = 1": Effort(interleaving=1),
+}
+
+
+def _moving(repeats: int) -> list[dict[str, Any]]:
+    """Error against 16 of 256 points of every light from every pixel; CPU time of both cores."""
+    scene, camera = default_scene()
+    around = [replace(camera, eye=camera.eye + 0.02 * step) for step in range(repeats)]
+    rows = []
+    for name, lights in _light_cases().items():
+        every = Effort(key_lights=LIGHT_COUNT, key_share=0.0, key_rays=16, soft_rad=math.inf)
+        with MovingRenderer(scene, camera, effort=every) as renderer:
+            truth = renderer.render(lights)
+        hit = truth[..., 3] > 0
+        for case, effort in EFFORTS.items():
+            with MovingRenderer(scene, camera, effort=effort) as renderer:
+                off = (renderer.render(lights) - truth)[hit, :3]
+                start = time.process_time()
+                for view in around:
+                    # Other objects of the same shape: all triangles count as moved.
+                    renderer.move(replace(scene), view)
+                    renderer.render(lights)
+                ms = 1e3 * (time.process_time() - start) / repeats
+            error = math.sqrt(np.mean(off**2) / np.mean(truth[hit, :3] ** 2))
+            row = _row(f"everything moves, {name}, CPU time", f"rays, {case}", ms)
+            rows.append({**row, "accuracy": {"rel. RMSE": error}})
+    return rows
+
+
+def _light_cases() -> dict[str, LightSet]:
+    wide = _discs(LIGHT_COUNT, seed=0)
+    irradiance, radius_rad = 0.3 * wide.irradiance, wide.angular_radius_rad.copy()
+    irradiance[5], radius_rad[5] = (60.0, 55.0, 50.0), 0.005
+    return {
+        "64 points": random_lights(LIGHT_COUNT, seed=0),
+        "64 discs of 10°": wide,
+        "a sun and 63 discs": LightSet(wide.directions, irradiance, radius_rad),
+    }
 
 
 def _soft(context: moderngl.Context, repeats: int) -> list[dict[str, Any]]:

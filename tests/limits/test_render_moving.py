@@ -20,7 +20,7 @@ import pytest
 
 from lighting.light_set import LightSet
 from render.default_scene import sphere
-from render.moving import Effort, MovingRenderer
+from render.moving import MovingRenderer
 from render.scene import Camera, Ground, Material, Mesh, Scene
 from tests.render.boxes import WHITE, box
 from tests.render.brute_force import SphereScene, as_points, away_from_outlines, trace
@@ -29,8 +29,8 @@ from tests.render.light_sets import one_light, random_lights
 GROUND = Ground(reflectance=(1, 1, 1))
 
 
-def picture_of(scene, camera, lights, effort=Effort()):
-    with MovingRenderer(scene, camera, effort=effort) as renderer:
+def picture_of(scene, camera, lights):
+    with MovingRenderer(scene, camera) as renderer:
         return renderer.render(lights)
 
 
