@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from render.embree import PACKET, coherent16, hit_packet, packet
 from render.reference.emitters import Emitters, arriving
 from render.reference.irradiance import CORNERS, Irradiance, set_corners
+from render.reference.pixel_rays import SIDE, aim, mixed, pair
 from render.reference.reflection import drawn, reflected
 from render.reference.surfaces import (
     F0,
@@ -47,13 +48,9 @@ from render.reference.surfaces import (
 
 Floats = NDArray[np.float32]
 
-SIDE = 4
-"""Pixels along the side of a tile."""
-
 # A pixel's place in its tile → its step in a stratum: an ordered dither, far apart where near.
 _STEP = np.array([0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5], np.int64)
 _GOLDEN = 0.6180339887498949
-_TO_UNIT = 1 / 2.0**32
 
 
 class Rays(NamedTuple):
@@ -149,12 +146,12 @@ def _add_row(
     points = spent.side * spent.side
     traced = 0
     for first in range(0, width, SIDE):
-        tile = _mixed(_mixed(np.uint64(seed)) ^ np.uint64(row << 32 | first))
+        tile = mixed(mixed(np.uint64(seed)) ^ np.uint64(row << 32 | first))
         turn = int(tile % np.uint64(points))
         total[:] = 0
         for point in range(points):
-            random = _mixed(tile + np.uint64(point + 1))
-            some = _aim(view, first, SIDE * row, width, height, spent.side, point, random, hits)
+            random = mixed(tile + np.uint64(point + 1))
+            some = aim(view, first, SIDE * row, width, height, spent.side, point, random, hits)
             in_picture[:] = some
             find_surfaces(functions[0], scene, tables, hits, in_picture, surface)
             if surface[HIT].max() == 0:
@@ -179,32 +176,6 @@ def _add_row(
                     sums.radiance[y, x, c] += value
                     sums.squares[y, x, c] += value * value
     sums.rays[row] += traced
-
-
-@njit(nogil=True, fastmath={"contract"})
-def _aim(
-    view: Floats,
-    x: int,
-    y: int,
-    width: int,
-    height: int,
-    side: int,
-    point: int,
-    random: np.uint64,
-    rays: Floats,
-) -> NDArray[np.int32]:  # pragma: no cover - compiled
-    """Set rays through a random place in square `point` of each pixel; return which are pixels."""
-    inside = np.empty(PACKET, np.int32)
-    for i in range(PACKET):
-        column, row = x + i % SIDE, y + i // SIDE
-        right, down = _pair(_mixed(random + np.uint64(i << 32)))
-        across = np.float32(column + (point % side + right) / side)
-        along = np.float32(row + (point // side + down) / side)
-        for axis in range(3):
-            rays[axis, i] = view[0, axis]
-            rays[4 + axis, i] = view[1, axis] + across * view[2, axis] + along * view[3, axis]
-        inside[i] = -np.int32(column < width and row < height)
-    return inside
 
 
 @njit(nogil=True, fastmath={"contract"})
@@ -250,7 +221,7 @@ def _add_light(
     mirrors = (surface[F90] * surface[HIT]).max() > 0
     rays[0:3] = surface[0:3]
     for s in range(spent.light):
-        random = _mixed(random)
+        random = mixed(random)
         first = (s * points + share) * members
         start = np.int64(random >> np.uint64(36))  # 28 bits, below the 4 of the step
         turned = np.int64(random & np.uint64(15))
@@ -318,7 +289,7 @@ def _add_lobe(
         index = share * spent.lobe + s
         for i in range(PACKET):
             # A lattice, moved at random for each pixel.
-            right, down = _pair(_mixed(tile ^ np.uint64((i + 1) << 40)))
+            right, down = pair(mixed(tile ^ np.uint64((i + 1) << 40)))
             u, v = ((index + 0.5) / strata + right) % 1.0, (index * _GOLDEN + down) % 1.0
             if surface[HIT, i] > 0 and surface[F90, i] > 0:
                 light[0, i], light[1, i], light[2, i] = drawn(surface, i, u, v)
@@ -372,19 +343,3 @@ def _select(
         valid[i] = -np.int32(is_lit & meets)
         needed |= valid[i]
     return needed != 0
-
-
-@njit(nogil=True, fastmath={"contract"})
-def _mixed(state: np.uint64) -> np.uint64:  # pragma: no cover - compiled
-    """Return a hash of 64 bits: SplitMix64's step and finaliser."""
-    z = state + np.uint64(0x9E3779B97F4A7C15)
-    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return z ^ (z >> np.uint64(31))
-
-
-@njit(nogil=True, fastmath={"contract"})
-def _pair(bits: np.uint64) -> tuple[float, float]:  # pragma: no cover - compiled
-    """Return two numbers in [0, 1) of 32 bits each."""
-    low = bits & np.uint64(0xFFFFFFFF)
-    return np.float64(bits >> np.uint64(32)) * _TO_UNIT, np.float64(low) * _TO_UNIT
