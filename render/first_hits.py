@@ -11,13 +11,13 @@ neighbours, which do alike. A border of one empty tile saves the loops their bor
 """
 
 import math
-from typing import Any
 
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
 from render.embree import coherent16, hit_packet
+from render.texture_pyramid import texture_colour
 
 LANES = 16
 """Pixels of a tile, and rays of a packet."""
@@ -335,49 +335,3 @@ def _paint(
     seen[F90, lane] = (np.float32(1) - metal) * specular + metal
     seen[ALPHA2, lane] = rough**4
     seen[KIND, lane] = GLOSSY if seen[F90, lane] > 0 else DULL
-
-
-@njit(nogil=True, error_model="numpy")
-def texture_colour(
-    texture: NDArray[np.int64], texels: _FLOATS, s: float, t: float, footprint: Any
-) -> tuple[float, float, float]:  # pragma: no cover - compiled
-    """Return a texture's colour at (s, t), repeated, as sharp as the footprint of a pixel allows.
-
-    Bilinear in the two levels whose texels are next in size to `footprint`, a length in texture
-    coordinates, and linear between them.
-    """
-    wanted = footprint * math.sqrt(texture[1] * texture[2])
-    level = min(max(math.log2(max(wanted, 1e-9)), 0.0), texture[3] - 1.0)
-    fine = int(level)
-    red, green, blue = _bilinear(texture, texels, s, t, fine)
-    share = level - fine
-    if share > 0:
-        r, g, b = _bilinear(texture, texels, s, t, fine + 1)
-        red, green, blue = (
-            red + share * (r - red),
-            green + share * (g - green),
-            blue + share * (b - blue),
-        )
-    return red, green, blue
-
-
-@njit(nogil=True, error_model="numpy")
-def _bilinear(
-    texture: NDArray[np.int64], texels: _FLOATS, s: float, t: float, level: int
-) -> tuple[float, float, float]:  # pragma: no cover - compiled
-    first, width, height = texture[0], texture[1], texture[2]
-    for _ in range(level):
-        first += width * height
-        width, height = max(width // 2, 1), max(height // 2, 1)
-    x, y = s * width - 0.5, t * height - 0.5
-    column, row = math.floor(x), math.floor(y)
-    right, up = x - column, y - row
-    red = green = blue = 0.0
-    for j in range(2):
-        for i in range(2):
-            at = first + (int(row) + j) % height * width + (int(column) + i) % width
-            weight = (right if i else 1 - right) * (up if j else 1 - up)
-            red += weight * texels[at, 0]
-            green += weight * texels[at, 1]
-            blue += weight * texels[at, 2]
-    return red, green, blue

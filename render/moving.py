@@ -30,7 +30,11 @@ from render.discs import irradiance_curves
 from render.dome import dome_lights
 from render.embree import Occluders, intersect16_address, occluded16_address
 from render.first_hits import LANES, empty_surfaces, find_surfaces
-from render.moving_kernel import (
+from render.neighbours import soften
+from render.reaching_lights import reaching_lights
+from render.scene import Camera, Scene
+from render.shaded_light import add_lights
+from render.shadow_rays import (
     CURVE,
     DIRECTION,
     HALF,
@@ -38,12 +42,8 @@ from render.moving_kernel import (
     POINTS,
     SPREAD,
     WIDTH,
-    add_lights,
-    soften,
     trace_lights,
 )
-from render.reaching_lights import reaching_lights
-from render.scene import Camera, Scene
 from render.triangle_tables import gather_appearance, gather_geometry
 
 Array = NDArray[np.float64]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from capture.sensor import srgb_decode
 from render.scene import Material, Mesh
+from render.texture_pyramid import pyramid
 
 _FLOATS = NDArray[np.float32]
 
@@ -107,24 +108,10 @@ def gather_appearance(materials: Sequence[Material]) -> Appearance:
         ):
             if picture is None:
                 continue
-            levels = _pyramid(picture[::-1].astype(np.float32))  # row 0 is at v = 0 now
+            levels = pyramid(picture[::-1].astype(np.float32))  # row 0 is at v = 0 now
             textures[row, slot] = first, picture.shape[1], picture.shape[0], len(levels)
             texels += [level.reshape(-1, 3) for level in levels]
             first += sum(level.shape[0] * level.shape[1] for level in levels)
     return Appearance(
         np.array(factors, np.float32).reshape(-1, 6), textures, np.concatenate(texels)
     )
-
-
-def _pyramid(picture: _FLOATS) -> list[_FLOATS]:
-    """Return the picture and its halves down to one texel; odd rows and columns lose their last."""
-    levels = [picture]
-    while max(levels[-1].shape[:2]) > 1:
-        above = levels[-1]
-        for axis in (0, 1):
-            length = above.shape[axis] // 2
-            if length:
-                even, odd = (np.take(above, np.arange(length) * 2 + i, axis) for i in (0, 1))
-                above = 0.5 * (even + odd)
-        levels.append(above)
-    return levels
