@@ -188,3 +188,37 @@ def test_nothing_is_drawn_without_light_or_triangles():
         assert np.all(picture[picture[..., 3] == 1, :3] == 0)
         lit = renderer.render(one_light((0, 1, 0)))
     np.testing.assert_allclose(lit[lit[..., 3] == 1, :3], 0.5 / np.pi, rtol=1e-5)
+
+
+def test_no_light_leaks_in_from_a_neighbour_of_another_surface():
+    """The foot of a box on its shaded side: ground in shadow beside a face that looks away."""
+    z = np.linspace(-0.2, 0.2, 40)
+    directions = np.stack([np.full(40, -1.0), np.ones(40), z], axis=-1)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    lights = LightSet(directions, np.ones((40, 3)), np.zeros(40))
+    scene = Scene((box((-0.5, 0, -2), (0, 0.5, 2)),))
+    camera = Camera(np.array([2.0, 1.0, 0.0]), np.array([0.03, 0.03, 0.0]), 0.05, (64, 64))
+    with MovingRenderer(scene, camera) as renderer:
+        picture = renderer.render(lights)
+    assert np.all(picture[..., 3] == 1)
+    assert np.all(picture[..., :3] == 0)
+
+
+def test_a_pixel_whose_neighbours_know_too_little_asks_for_itself():
+    """Plates a pixel wide at many heights, half of all lights behind a wall."""
+    x = np.arange(-1, 1, 0.08)
+    plates = tuple(
+        box((at, high, -1.0), (at + 0.03, high + 0.02, 1.0), MATT)
+        for at, high in zip(x, 0.35 * (7 * np.arange(len(x)) % 5), strict=True)
+    )
+    wall = box((2.0, -1.0, -9.0), (2.1, 30.0, 9.0), MATT)
+    camera = Camera(np.array([0.0, 8.0, 0.5]), np.array([0.0, 0.0, 0.0]), 0.25, (64, 64))
+    lights = random_lights(60, seed=2, lowest=0.5)
+    scene = Scene((*plates, wall), ground=None)
+    with (
+        MovingRenderer(scene, camera) as renderer,
+        MovingRenderer(scene, camera, effort=Effort(interleaving=1)) as exact,
+    ):
+        picture, truth = renderer.render(lights), exact.render(lights)
+    error = relative_rmse(picture, truth, truth[..., 3] > 0)
+    assert error < 0.1
