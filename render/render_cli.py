@@ -3,16 +3,21 @@
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 from cyclopts import Parameter
+from numpy.typing import NDArray
 
 from capture.arguments import Output, parse_size
 from capture.errors import InputError
 from capture.output import check_place
 from lighting.light_files import read_lights
+from lighting.light_set import LightSet
+from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import read_environment
 from render.default_scene import default_scene, frame_meshes
-from render.gl import create_context
+from render.gl import GlUnavailable, create_context
 from render.mesh import load_meshes
+from render.moving import MovingRenderer
 from render.occlusion_cli import check_occlusion_flags, draw_occlusion
 from render.pictures import check_picture_suffix, write_picture
 from render.reference_cli import read_light, trace_picture, write_reference
@@ -101,17 +106,27 @@ def render(
         light_set = read_lights(lights)
         about = f"lights {len(light_set)}"
         scene, camera = scene_to_render(mesh, size_px)
-        with (
-            create_context() as context,
-            Renderer(context, scene, camera, SAMPLES_PER_AXIS) as renderer,
-        ):
-            picture = renderer.render(light_set, behind)
+        picture, how = draw(scene, camera, light_set, behind)
+        about += how
         ev = auto_exposure_ev(picture) if fixed_ev is None else fixed_ev
         write_picture(output, picture, ev, force=force)
     triangles = sum(len(part.faces) for part in scene.meshes)
     print(f"{output}: {about}, triangles {triangles}, {ev:+.1f} EV")
     for remark in () if cleaned is None else cleaned.remarks:
         print(f"  {background}: {remark}")
+
+
+def draw(
+    scene: Scene, camera: Camera, lights: LightSet, background: EnvironmentMap | None
+) -> tuple[NDArray[np.float32], str]:
+    """Return the picture, with shadow maps or, where there is no OpenGL, rays; and which if so."""
+    try:
+        context = create_context()
+    except GlUnavailable:
+        with MovingRenderer(scene, camera, SAMPLES_PER_AXIS) as renderer:
+            return renderer.render(lights, background), ", no OpenGL: drawn with rays"
+    with context, Renderer(context, scene, camera, SAMPLES_PER_AXIS) as mapped:
+        return mapped.render(lights, background), ""
 
 
 def scene_to_render(mesh: Path | None, size_px: tuple[int, int]) -> tuple[Scene, Camera]:
