@@ -24,7 +24,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         from cyclopts import CycloptsError, UnknownCommandError
 
         from capture.errors import FishlightError
+        from capture.kernel_cache import drop_stale_kernels
         from render.app import app
+
+        drop_stale_kernels()
     except ImportError as error:
         sys.exit(_fail(_broken(error)))
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # so it tidies up

@@ -6,6 +6,10 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
+from capture.kernel_cache import drop_stale_kernels
+
+drop_stale_kernels()
+
 settings.register_profile("fuzz", max_examples=20_000, deadline=5000)
 
 

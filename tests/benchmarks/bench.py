@@ -17,6 +17,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from capture.kernel_cache import drop_stale_kernels
 from tests.benchmarks.chart import draw_rows
 
 HERE = Path(__file__).parent
@@ -84,6 +85,8 @@ def main() -> None:
     arguments.output.mkdir(parents=True, exist_ok=True)
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # as render/main.py does
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+    drop_stale_kernels()
 
     results: dict[str, Any] = {
         "date": datetime.date.today().isoformat(),
