@@ -41,7 +41,7 @@ from render.direction_cells import (
 from render.embree import Occluders, occluded16_address
 from render.gloss import ROUGH_ALPHA, add_reflections, trace_gloss
 from render.light_map import map_of_lights
-from render.map_pyramid import MapPyramid, map_pyramid
+from render.map_pyramid import map_pyramid
 from render.reaching_lights import reaching_lights
 from render.scene import Camera, Scene
 from render.surface_samples import mirror_tint, surface_samples
@@ -63,7 +63,6 @@ _STILL_LEAST_RAD = 1e-3
 _PEAK_RAD = np.radians(2.5)
 """A narrow light up to this radius is a peak of the map, whose reflection is drawn by itself."""
 _LEAST_ALPHA = 0.01
-_NO_MAP_ROWS = 128
 _CELL_ROWS = 128
 
 
@@ -154,21 +153,20 @@ class BakedRenderer:
         if through_ground and background is not None:
             background = with_ground(background, ground)
         picture = np.zeros((len(self._surface), 3, TILE), np.float32)
-        peaks = narrow & (radius_rad <= _PEAK_RAD)
-        shown = map_of_lights(lights, _NO_MAP_ROWS) if background is None else background
-        mirrored = np.zeros_like(irradiance)
-        shown, mirrored[peaks] = remove_lights(
-            shown, LightSet(directions[peaks], irradiance[peaks], radius_rad[peaks])
-        )
-        pyramid = map_pyramid(shown)
-        of_map = map_over_cells(
-            pyramid.coarse(_CELL_ROWS), upper_only=self._scene.ground is not None
-        )
+        of_map, mirrored = np.zeros_like(light), np.zeros_like(irradiance)
+        if len(self._mirroring):
+            shown = map_of_lights(lights, _CELL_ROWS) if background is None else background
+            peaks = narrow & (radius_rad <= _PEAK_RAD)
+            of_map, mirrored[peaks] = self._reflect(
+                shown,
+                LightSet(directions[peaks], irradiance[peaks], radius_rad[peaks]),
+                None if through_ground else ground,
+                picture,
+            )
         self._sky.add(light, of_map, picture)
         self._remember(directions[narrow], irradiance[narrow], radius_rad[narrow], mirrored[narrow])
         for each in self._narrow:
             each.transport.add(each.irradiance[None], each.mirrored[None], picture)
-        self._reflect(pyramid, None if through_ground else ground, picture)
         return self._assembled(picture, background, ground if through_ground else None)
 
     def _unshaded(self, light: Array, directions: Array, irradiance: Array) -> NDArray[np.float32]:
@@ -179,17 +177,26 @@ class BakedRenderer:
         return (upward * self._scene.ground.reflectance / np.pi).astype(np.float32)
 
     def _reflect(
-        self, pyramid: MapPyramid, ground: NDArray[np.float32] | None, picture: NDArray[np.float32]
-    ) -> None:
-        """Add what samples mirror of a map and the ground to `picture` (tiles, 3, TILE)."""
-        if len(self._mirroring) == 0:
-            return
+        self,
+        environment: EnvironmentMap,
+        peaks: LightSet,
+        ground: NDArray[np.float32] | None,
+        picture: NDArray[np.float32],
+    ) -> tuple[Array, Array]:
+        """Add what smooth samples mirror of a map without its peaks to `picture`, and the ground.
+
+        Returns ∫L dω of each cell, (D, 3), which rough ones mirror, and of each peak, (K, 3).
+        """
+        rest, of_peaks = remove_lights(environment, peaks)
+        pyramid = map_pyramid(rest)
         tiles = self._mirroring
         reflections = np.zeros((len(tiles), *picture.shape[1:]), np.float32)
         add_reflections(
             self._gloss, self._f0[tiles], self._f90[tiles], pyramid, ground, reflections
         )
         picture[tiles] += reflections
+        coarse = pyramid.coarse(_CELL_ROWS)
+        return map_over_cells(coarse, upper_only=self._scene.ground is not None), of_peaks
 
     def _trace(
         self, points: Array, *, from_alpha: float = 0.0, least_alpha: float = 0.0

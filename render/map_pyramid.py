@@ -10,7 +10,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numba import njit
+from numba import njit, prange
 from numpy.typing import NDArray
 
 from lighting.maps.environment import EnvironmentMap
@@ -48,16 +48,46 @@ class MapPyramid:
 
 def map_pyramid(environment: EnvironmentMap) -> MapPyramid:
     """Return the map and its halves; a cell is the mean over its four by solid angle."""
-    weight: NDArray[Any] = solid_angles(environment.height).astype(np.float32)[:, None]
-    light: NDArray[Any] = environment.radiance * weight[..., None]
+    radiance: NDArray[Any] = environment.radiance
     rows = max(1 << (environment.height.bit_length() - 1), 2 * _LEAST_ROWS)
-    levels = []
-    while rows >= _LEAST_ROWS:
-        light = cv2.resize(light, (2 * rows, rows), interpolation=cv2.INTER_AREA)
-        weight = cv2.resize(weight, (1, rows), interpolation=cv2.INTER_AREA)
-        levels.append((light / weight.reshape(-1, 1, 1)).reshape(-1, 3))
-        rows //= 2
-    return MapPyramid(np.concatenate(levels), np.cumsum([0, *(len(each) for each in levels)]))
+    if rows != environment.height:
+        radiance = _resized(environment, rows)
+    counts = [2 * (rows >> level) ** 2 for level in range((rows // _LEAST_ROWS).bit_length())]
+    starts = np.cumsum([0, *counts])
+    cells = np.empty((starts[-1], 3), np.float32)
+    cells[: starts[1]] = radiance.reshape(-1, 3)
+    for level in range(1, len(counts)):
+        finer, coarser = (cells[starts[k] : starts[k + 1]] for k in (level - 1, level))
+        weights = solid_angles(rows >> (level - 1)).astype(np.float32)
+        _halve(finer, weights, coarser)
+    return MapPyramid(cells, starts)
+
+
+def _resized(environment: EnvironmentMap, rows: int) -> NDArray[Any]:
+    weight: NDArray[Any] = solid_angles(environment.height).astype(np.float32)[:, None]
+    light = cv2.resize(
+        environment.radiance * weight[..., None], (2 * rows, rows), interpolation=cv2.INTER_AREA
+    )
+    weight = cv2.resize(weight, (1, rows), interpolation=cv2.INTER_AREA)
+    return light / weight.reshape(-1, 1, 1)
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def _halve(
+    finer: _FLOATS, weights: _FLOATS, coarser: _FLOATS
+) -> None:  # pragma: no cover - compiled
+    """Set `coarser` to the means of `finer` (2N², 3), whose rows have weights (N,)."""
+    columns = len(weights)  # of the coarser
+    for row in prange(columns // 2):
+        upper, lower = weights[2 * row], weights[2 * row + 1]
+        scale = np.float32(0.5) / (upper + lower)
+        above, below = 4 * row * columns, (4 * row + 2) * columns
+        for column in range(columns):
+            at = row * columns + column
+            for c in range(3):
+                top = finer[above + 2 * column, c] + finer[above + 2 * column + 1, c]
+                bottom = finer[below + 2 * column, c] + finer[below + 2 * column + 1, c]
+                coarser[at, c] = scale * (upper * top + lower * bottom)
 
 
 @njit(nogil=True)

@@ -6,7 +6,7 @@ A light's source is looked for in a cap around its direction. There the map is c
 above which lies just the light's irradiance, channel by channel: what is taken is the peak, what
 stays is the sky or the wall around it. Light plus residual is then the map, and counts nothing
 twice.
-Cost   : for each light the directions of the rows that its cap crosses, and a sort of its cells.
+Cost   : for each light a product with the rows that its cap crosses, and a sort of its cells.
 Fails  : where a cap holds less light than the light it belongs to: all of it is taken, and the
          caller is told how much that was. A light that stands for more than a peak (a cell of the
          map, a sample) leaves a hole, for its cap is dark before its irradiance is reached. A
@@ -15,13 +15,14 @@ Fails  : where a cap holds less light than the light it belongs to: all of it is
 """
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
-from lighting.sphere.latlong import grid_to_direction, solid_angles
+from lighting.sphere.latlong import cell_directions, solid_angles
 
 _RADII = 2.0
 """Radius of the cap in radii of the light. The light's radius is the one of the uniform disc with
@@ -72,9 +73,13 @@ def _cap(
     theta = np.arctan2(np.hypot(direction[0], direction[2]), direction[1])
     first = max(int((theta - radius_rad) * height / np.pi) - 1, 0)
     last = min(int((theta + radius_rad) * height / np.pi) + 2, height)
-    row, column = np.mgrid[first:last, 0 : 2 * height]
-    directions = grid_to_direction(np.stack([column, row], axis=-1), height)
-    return slice(first, last), directions @ direction >= np.cos(min(radius_rad, np.pi))
+    rows = slice(first, last)
+    return rows, _directions(height)[rows] @ direction >= np.cos(min(radius_rad, np.pi))
+
+
+@lru_cache(maxsize=2)
+def _directions(height: int) -> NDArray[np.float64]:
+    return cell_directions(height)
 
 
 def _cut_level(

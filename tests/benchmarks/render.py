@@ -171,7 +171,10 @@ def _discs(count: int, seed: int) -> LightSet:
 
 def _peer(context: moderngl.Context, repeats: int) -> list[dict[str, Any]]:
     ball = SphereScene(
-        (0.0, 0.5, 0.0), 0.5, Material((0.7, 0.5, 0.3), 0.4), Ground(0.0, (0.5, 0.4, 0.3), 20.0)
+        (0.0, 0.5, 0.0),
+        0.5,
+        Material((0.7, 0.5, 0.3), specular=0.0),
+        Ground(0.0, (0.5, 0.4, 0.3), 20.0),
     )
     camera = Camera(np.array([1.0, 1.2, 2.5]), np.array([0.0, 0.4, 0.0]), 0.7, (640, 480))
     lights = random_lights(8, seed=2)
