@@ -91,7 +91,7 @@ class LivePicture:
         self._trace(settings, view)
         if self._baked is not None:
             self.is_draft = False
-            return self._baked.render(lights, background)
+            return self._baked.render(lights, background, through_ground=background is not None)
         if self._draft is None:
             scene, camera = self._models.view(settings, self._draft_px)
             self._draft = Renderer(self._context, scene, camera)

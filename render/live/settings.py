@@ -49,7 +49,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     model, material : str
         Of the scene: names that live.models knows.
     is_background : bool
-        Whether the scene stands before what the camera sees.
+        Whether the scene stands in what the camera sees, on its floor.
     azimuth_rad, elevation_rad, distance : float
         Where the viewer stands: 1 is the distance at which the scene fills the picture.
     """

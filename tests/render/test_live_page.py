@@ -232,7 +232,7 @@ def test_sliders_and_switches_say_what_they_mean(page):
         page.get_by_label(label).fill(value)
         wait_until(page, lambda e=expected, n=name: settings_of(page)[n] == pytest.approx(e, 1e-4))
     within_frames(page, lambda: "-2.5 EV" in page.locator("#counters").inner_text())
-    for label, name in (("Surroundings behind it", "is_background"), ("Steady", "is_steady")):
+    for label, name in (("Stand it in the room", "is_background"), ("Steady", "is_steady")):
         page.get_by_text(label).click()
         wait_until(page, lambda n=name: settings_of(page)[n] is False)
         page.get_by_text(label).click()

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -153,13 +154,23 @@ def run_without_egl(folder, *arguments):
     )
 
 
-def test_without_egl_render_says_what_to_install_and_writes_nothing(tmp_path):
+def test_without_egl_render_draws_with_rays_and_says_so(tmp_path):
     write_lights(tmp_path / "lights.json", random_lights(2, seed=0))
-    done = run_without_egl(tmp_path, "render", "--lights", "lights.json", "-o", "p.png")
+    done = run_without_egl(
+        tmp_path, "render", "--lights", "lights.json", "-o", "p.png", "--size", "64x48"
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "no OpenGL: drawn with rays" in done.stdout
+    assert (tmp_path / "p.png").is_file()
+
+
+def test_without_egl_replay_says_what_to_install_and_writes_nothing(tmp_path):
+    recording = Path(__file__).parents[2] / "recordings/outdoor"
+    done = run_without_egl(tmp_path, "replay", str(recording), "-o", "out")
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "apt-get install" in done.stderr
-    assert [path.name for path in tmp_path.iterdir()] == ["lights.json"]
+    assert not list(tmp_path.iterdir())
 
 
 def test_without_egl_doctor_shows_the_rest_and_fails(tmp_path):
