@@ -146,7 +146,10 @@ def _light_cases() -> dict[str, LightSet]:
 
 def _soft(context: moderngl.Context, repeats: int) -> list[dict[str, Any]]:
     ball = SphereScene(
-        (0.0, 0.5, 0.0), 0.5, Material((0.7, 0.5, 0.3), 0.5), Ground(0.0, (0.5, 0.4, 0.3), 20.0)
+        (0.0, 0.5, 0.0),
+        0.5,
+        Material((0.7, 0.5, 0.3), specular=0.0),
+        Ground(0.0, (0.5, 0.4, 0.3), 20.0),
     )
     camera = Camera(np.array([1.0, 1.2, 2.5]), np.array([0.0, 0.4, 0.0]), 0.7, (160, 120))
     lights = replace(_discs(8, seed=2), fill=uniform_fill(0.3))
