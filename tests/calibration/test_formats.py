@@ -246,6 +246,7 @@ def test_a_file_that_mrcal_wrote_is_read(tmp_path: Path) -> None:
     np.testing.assert_allclose(round_about.model.project(ray)[0], [1100.351946, 339.45721702])
 
 
+@pytest.mark.slow
 def test_mrcals_splines_are_those_of_mrcal(tmp_path: Path) -> None:
     number = np.arange(2 * 11 * 8)
     corrections = np.round(0.03 * np.sin(1.7 * number) + 0.02 * np.cos(0.31 * number), 4)

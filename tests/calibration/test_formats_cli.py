@@ -53,6 +53,7 @@ def test_a_valid_angle_that_was_guessed_is_told(
     assert "as far as picture and model reach" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_an_approximation_is_made_on_demand_alone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -186,6 +186,7 @@ def test_a_second_replay_gives_the_same_bytes(
     assert different == []
 
 
+@pytest.mark.slow
 def test_an_existing_output_is_kept_unless_forced(
     short_recording: Path, replayed: Path, tmp_path: Path
 ) -> None:
@@ -242,22 +243,21 @@ def test_a_recording_of_which_nothing_is_usable_fails(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize(
+    "signal_number",
+    [
+        pytest.param(signal.SIGINT, marks=pytest.mark.slow),
+        pytest.param(signal.SIGTERM, marks=pytest.mark.slow),
+        signal.SIGKILL,
+    ],
+)
 def test_a_replay_that_is_stopped_leaves_only_whole_files(
     short_recording: Path, tmp_path: Path, signal_number: signal.Signals
 ) -> None:
+    """Its files take far longer to write than the first of them to be seen."""
     output = tmp_path / "out"
     child = subprocess.Popen(
-        [
-            *FISHLIGHT,
-            "replay",
-            str(short_recording),
-            "-o",
-            str(output),
-            *SMALL[:4],
-            "--size",
-            "320x240",
-        ],
+        [*FISHLIGHT, "replay", str(RECORDINGS / "indoor"), "-o", str(output), "--size", "320x240"],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )

@@ -97,6 +97,7 @@ def test_a_furnace_loses_what_the_model_loses(material):
     np.testing.assert_allclose(picture.radiance[..., :3].mean(axis=(0, 1)), expected, rtol=2e-3)
 
 
+@pytest.mark.slow
 def test_a_sphere_and_its_shadow_as_an_independent_ray_caster_sees_them():
     ball = SphereScene(
         (0.0, 0.5, 0.0), 0.5, Material((0.7, 0.5, 0.3), 0.5), Ground(0.0, (0.5, 0.4, 0.3), 20.0)
