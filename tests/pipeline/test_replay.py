@@ -258,6 +258,8 @@ def test_a_replay_that_is_stopped_leaves_only_whole_files(
     output = tmp_path / "out"
     child = subprocess.Popen(
         [*FISHLIGHT, "replay", str(RECORDINGS / "indoor"), "-o", str(output), "--size", "320x240"],
+        # Tests may run in the background, whose children ignore an interrupt.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
