@@ -44,7 +44,11 @@ def draw_occlusion(
     return f"ambient occlusion, cone {cone_deg:g}°{limit}, mean {mean:.3f}"
 
 
-def check_occlusion_flags(ao: bool, cone_deg: float | None, max_distance_m: float | None) -> None:
-    """Raise InputError for what only `--ao` takes, without it."""
+def check_occlusion_flags(
+    ao: bool, cone_deg: float | None, max_distance_m: float | None, *, has_light: bool
+) -> None:
+    """Raise InputError for what only `--ao` takes, without it, and for light with it."""
     if not ao and (cone_deg is not None or max_distance_m is not None):
         raise InputError("--cone-deg and --max-distance-m are for --ao")
+    if ao and has_light:
+        raise InputError("--ao is drawn without light: leave out --lights, --map and --reference")

@@ -86,7 +86,8 @@ def render(
     fixed_ev = parse_exposure(exposure_ev)
     check_picture_suffix(output)
     check_place(output, force=force)
-    check_occlusion_flags(ao, cone_deg, max_distance_m)
+    has_light = reference or lights is not None or environment is not None
+    check_occlusion_flags(ao, cone_deg, max_distance_m, has_light=has_light)
     if ao:
         scene, camera = scene_to_render(mesh, size_px)
         about = draw_occlusion(output, scene, camera, cone_deg, max_distance_m, force=force)

@@ -151,3 +151,8 @@ def test_ambient_occlusion_alone_needs_no_light(tmp_path, capsys):
 def test_flags_of_ambient_occlusion_without_it(tmp_path, lights):
     with pytest.raises(InputError, match="are for --ao"):
         render(output=tmp_path / "p.png", lights=lights, cone_deg=90)
+
+
+def test_light_with_ambient_occlusion(tmp_path, lights):
+    with pytest.raises(InputError, match="drawn without light"):
+        render(output=tmp_path / "p.png", lights=lights, ao=True)
