@@ -134,7 +134,13 @@ def live(
         print(f"{server.address}\nCtrl-C ends the session.", flush=True)
         if not headless and _has_desktop():
             webbrowser.open(server.address)
-        counters = run_live(request, desk, stop, is_patient=not headless)
+        counters = run_live(
+            request,
+            desk,
+            stop,
+            is_patient=not headless,
+            say=lambda text: print(f"fishlight: {text}", file=sys.stderr, flush=True),
+        )
     print(
         f"brackets: {counters.captured} captured, {counters.replaced} replaced, "
         f"{counters.merged} merged, {counters.rendered} rendered, {counters.failed} failed"

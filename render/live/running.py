@@ -5,6 +5,7 @@ calibration are looked for again every two seconds. Without a watcher it is an e
 """
 
 import time
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -96,6 +97,7 @@ def run_live(
     stop: Stop,
     *,
     is_patient: bool,
+    say: Callable[[str], None] = lambda _text: None,
 ) -> Counters:
     """Run sessions until `stop` is set or the source ends by itself; return the counters.
 
@@ -106,6 +108,8 @@ def run_live(
     stop : Stop
     is_patient : bool
         Whether to wait for what is missing.
+    say : callable
+        Told of what is missing, once.
 
     Raises
     ------
@@ -117,6 +121,7 @@ def run_live(
         picture = None
         with suppress(GlUnavailable):  # the page says so; lights go on without
             picture = opened.enter_context(LivePicture(desk.models, request.picture_px))
+        told = ""
         while True:
             try:
                 return _run_once(request, desk, picture, stop)
@@ -124,6 +129,9 @@ def run_live(
                 if not is_patient:
                     raise
                 _tell(desk, missing)
+                if str(missing) != told:
+                    told = str(missing)
+                    say(f"{told}; looking for it until it is there")
                 if stop.wait(RETRY_S):
                     return Counters()
 

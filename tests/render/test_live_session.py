@@ -371,7 +371,10 @@ def test_what_was_seen_last_ages_while_the_camera_is_looked_for(tmp_path, monkey
             stop.set()
 
     desk.listen(listen)
-    run_live(live_request(tmp_path / "nothing"), desk, stop, is_patient=True)
+    said = []
+    run_live(live_request(tmp_path / "nothing"), desk, stop, is_patient=True, say=said.append)
+    assert len(said) == 1
+    assert "nothing" in said[0]
     assert ages_s == sorted(ages_s)
     assert ages_s[-1] >= 0.02
 
