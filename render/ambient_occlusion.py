@@ -41,6 +41,7 @@ from render.reference.surfaces import (
     scene_tables,
 )
 from render.scene import Camera, Scene
+from render.tangent_frame import tangent_frame
 
 RAYS = 64
 """Rays of each point that is seen."""
@@ -160,14 +161,10 @@ def _about(
 ) -> tuple[float, float, float]:  # pragma: no cover - compiled
     """Return the direction at an angle from the shading normal and a turn about it."""
     nx, ny, nz = surface[NORMAL, i], surface[NORMAL + 1, i], surface[NORMAL + 2, i]
-    sign = math.copysign(1.0, nz)
-    p = -1 / (sign + nz)
-    q = nx * ny * p
+    tx, ty, tz, bx, by, bz = tangent_frame(nx, ny, nz)
     across = math.sqrt(sine2)
     a, b, c = across * math.cos(turn_rad), across * math.sin(turn_rad), math.sqrt(1 - sine2)
-    x = a * (1 + sign * nx * nx * p) + b * q + c * nx
-    y = a * sign * q + b * (sign + ny * ny * p) + c * ny
-    z = -a * sign * nx - b * ny + c * nz
+    x, y, z = a * tx + b * bx + c * nx, a * ty + b * by + c * ny, a * tz + b * bz + c * nz
     return x, y, z
 
 

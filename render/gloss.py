@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from render.embree import PACKET, occluded16, packet
 from render.map_pyramid import MapPyramid, mean_around
+from render.tangent_frame import tangent_frame
 
 _FLOATS = NDArray[np.float32]
 
@@ -160,11 +161,7 @@ def _reflected(
     It is the mirror image of the view in a visible normal, drawn as in [2]_.
     """
     nx, ny, nz = part[3, i], part[4, i], part[5, i]
-    sign = math.copysign(1.0, nz)
-    p, q = -1 / (sign + nz), 0.0
-    q = nx * ny * p
-    tx, ty, tz = 1 + sign * nx * nx * p, sign * q, -sign * nx
-    bx, by, bz = q, sign + ny * ny * p, -ny
+    tx, ty, tz, bx, by, bz = tangent_frame(nx, ny, nz)
     ex, ey, ez = part[9, i], part[10, i], part[11, i]
     vx, vy = ex * tx + ey * ty + ez * tz, ex * bx + ey * by + ez * bz
     vz = max(ex * nx + ey * ny + ez * nz, 1e-4)

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.light_set import LightSet
-from lighting.maps.environment import EnvironmentMap
+from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from render.disc_net import disc_net
 from render.discs import irradiance_curves
 from render.dome import dome_lights
@@ -52,7 +52,6 @@ _FLOATS = NDArray[np.float32]
 _OFFSET = 1e-4  # of the casters' radius: rays start that far off their surface
 _POINT_RAD = 1e-3
 _WIDE_RAD = 0.03
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 _SLOTS = 4  # the kernels move so many lights at once
 
 
@@ -241,11 +240,11 @@ class MovingRenderer:
         )
         if len(directions) == 0:  # the kernels want one
             return np.array([[0.0, 1.0, 0.0]]), np.zeros((1, 3)), np.zeros(1)
-        order = np.argsort(-(irradiance @ _LUMINANCE), kind="stable")
+        order = np.argsort(-(irradiance @ LUMINANCE_WEIGHTS), kind="stable")
         return directions[order], irradiance[order], radius_rad[order]
 
     def _key_count(self, irradiance: Array) -> int:
-        power = irradiance @ _LUMINANCE
+        power = irradiance @ LUMINANCE_WEIGHTS
         strong = int(np.count_nonzero(power >= self._effort.key_share * power.sum()))
         return min(strong, self._effort.key_lights) if power.any() else 0
 

@@ -18,6 +18,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from render.reference.surfaces import ALPHA2, NORMAL, TO_EYE
+from render.tangent_frame import tangent_frame
 
 Floats = NDArray[np.float32]
 
@@ -62,12 +63,7 @@ def drawn(
     """
     ex, ey, ez = surface[TO_EYE, i], surface[TO_EYE + 1, i], surface[TO_EYE + 2, i]
     nx, ny, nz = surface[NORMAL, i], surface[NORMAL + 1, i], surface[NORMAL + 2, i]
-    # A frame around the normal: Duff et al., "Building an Orthonormal Basis, Revisited", 2017.
-    sign = math.copysign(1.0, nz)
-    a = -1 / (sign + nz)
-    b = nx * ny * a
-    tx, ty, tz = 1 + sign * nx * nx * a, sign * b, -sign * nx
-    bx, by, bz = b, sign + ny * ny * a, -ny
+    tx, ty, tz, bx, by, bz = tangent_frame(nx, ny, nz)
     alpha = math.sqrt(surface[ALPHA2, i])
 
     # The view in the frame, stretched so that facets lie on a sphere.
