@@ -15,7 +15,7 @@ from render.scene import Material, Scene
 pytest.importorskip("mitsuba", reason="Mitsuba is in the development extra")
 from tests.render import mitsuba_scene
 
-RENDERS, SAMPLES = 8, 64
+RENDERS, SAMPLES = 16, 32
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -58,7 +58,7 @@ def test_agreement_within_three_standard_errors(kind):
     if kind == "without a ground":
         scene = Scene(scene.meshes, None)
     light = two_suns_and_a_sky()
-    picture = render_reference(scene, camera, light, error=0, seconds=3, spent=Rays(2, 16, 4))
+    picture = render_reference(scene, camera, light, error=0.02, spent=Rays(2, 16, 4))
     loaded = mitsuba_scene.load(scene, camera, light)
     peers = np.stack([mitsuba_scene.render(loaded, SAMPLES, seed) for seed in range(RENDERS)])
     peer, variance = peers.mean(axis=0), peers.var(axis=0, ddof=1) / RENDERS
@@ -69,5 +69,5 @@ def test_agreement_within_three_standard_errors(kind):
     assert np.all(np.abs(off) < 3 * error)
     known = variance + squared > 0
     z = (ours - peer)[known] / np.sqrt(variance + squared)[known]
-    assert np.mean(np.abs(z) > 3) < 0.05  # Student's t of 7 degrees: 2 %
+    assert np.mean(np.abs(z) > 3) < 0.05  # Mitsuba's spread has a long tail: 1 to 4 %
     assert error.max() < 0.015 * peer.mean()
