@@ -15,11 +15,11 @@ from capture.pictures import write_png
 from capture.recording import open_recording
 from lighting.maps.remap import apply_remap, build_remap
 from lighting.reduce import reduce_to_lights
-from render.baked import BakedRenderer
-from render.default_scene import default_scene
-from render.gl import create_context
-from render.preview import preview
-from render.view import auto_exposure_ev, to_display
+from render.baked.renderer import BakedRenderer
+from render.opengl.context import create_context
+from render.output.preview import preview
+from render.output.view import auto_exposure_ev, to_display
+from render.scenes.default_scene import default_scene
 
 HERE = Path(__file__).parent
 HEIGHT_PX = 360

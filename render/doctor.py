@@ -5,7 +5,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from render.gl import GlUnavailable, create_context, describe
+from render.opengl.context import GlUnavailable, create_context, describe
 
 OPENCV_DISTRIBUTIONS = (
     "opencv-contrib-python-headless",

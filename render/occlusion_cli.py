@@ -9,8 +9,8 @@ from capture.errors import InputError
 from capture.exr import write_exr
 from capture.pictures import write_png
 from capture.sensor import srgb_encode
-from render.ambient_occlusion import ambient_occlusion
-from render.scene import Camera, Scene
+from render.reference.ambient_occlusion import ambient_occlusion
+from render.scenes.scene import Camera, Scene
 
 WHOLE_CONE_DEG = 180.0
 

@@ -13,10 +13,10 @@ from lighting.light_files import read_lights
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import read_environment
-from render.background import look_up, map_coordinates, picture_rays
-from render.pictures import write_picture
+from render.output.pictures import write_picture
+from render.rays.background import look_up, map_coordinates, picture_rays
 from render.reference.tracing import ReferencePicture, render_reference
-from render.scene import Camera, Scene
+from render.scenes.scene import Camera, Scene
 
 DEFAULT_ERROR = 0.01
 

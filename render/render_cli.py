@@ -14,16 +14,16 @@ from lighting.light_files import read_lights
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import read_environment
-from render.default_scene import default_scene, frame_meshes
-from render.gl import GlUnavailable, create_context
-from render.mesh import load_meshes
-from render.moving import MovingRenderer
+from render.moving.renderer import MovingRenderer
 from render.occlusion_cli import check_occlusion_flags, draw_occlusion
-from render.pictures import check_picture_suffix, write_picture
+from render.opengl.context import GlUnavailable, create_context
+from render.opengl.renderer import Renderer
+from render.output.pictures import check_picture_suffix, write_picture
+from render.output.view import auto_exposure_ev
 from render.reference_cli import read_light, trace_picture, write_reference
-from render.renderer import Renderer
-from render.scene import Camera, Scene
-from render.view import auto_exposure_ev
+from render.scenes.default_scene import default_scene, frame_meshes
+from render.scenes.mesh import load_meshes
+from render.scenes.scene import Camera, Scene
 
 SAMPLES_PER_AXIS = 2
 

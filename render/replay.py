@@ -32,10 +32,10 @@ from lighting.maps.environment import EnvironmentMap
 from lighting.maps.remap import apply_remap, build_remap
 from lighting.reduce import BLOCK_METHODS
 from lighting.stream.light_stream import LightPlan, StreamMemory, next_lights
-from render.baked import BakedRenderer
-from render.gl import create_context, describe
+from render.baked.renderer import BakedRenderer
+from render.opengl.context import create_context, describe
 from render.replay_folder import ReplayFolder, check_output, write_session
-from render.scene import Camera, Scene
+from render.scenes.scene import Camera, Scene
 from render.session import Counters, StageClock, run_session
 
 FALLBACK_RATE_HZ = 25.0

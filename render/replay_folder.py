@@ -21,10 +21,10 @@ from lighting.light_files import write_lights
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import write_environment
-from render.background_writer import BackgroundWriter
-from render.preview import preview
-from render.video import VideoWriter
-from render.view import auto_exposure_ev, to_display
+from render.output.background_writer import BackgroundWriter
+from render.output.preview import preview
+from render.output.video import VideoWriter
+from render.output.view import auto_exposure_ev, to_display
 
 SESSION_FILE = "session.json"
 RESULT_NAMES = ("maps", "lights", "pictures", "video.mp4", SESSION_FILE)

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
-from render.baked import BakedRenderer
-from render.moving import MovingRenderer
-from render.scene import Camera, Scene
+from render.baked.renderer import BakedRenderer
+from render.moving.renderer import MovingRenderer
+from render.scenes.scene import Camera, Scene
 
 
 class SceneRenderer:

@@ -16,7 +16,7 @@ settings.register_profile("fuzz", max_examples=20_000, deadline=5000)
 @pytest.fixture(scope="session")
 def _context() -> Iterator[Any]:
     # Without EGL this fails, with the line that installs it; deselect with -m "not gl".
-    from render.gl import create_context
+    from render.opengl.context import create_context
 
     with create_context() as context:
         yield context

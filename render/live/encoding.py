@@ -18,8 +18,8 @@ from lighting.light_set import LightSet
 from lighting.reduce import METHODS
 from render.live.desk import Desk, LiveFrame, Notice
 from render.live.models import MATERIALS
-from render.preview import marked
-from render.view import to_display
+from render.output.preview import marked
+from render.output.view import to_display
 
 JPEG_QUALITY = 85
 

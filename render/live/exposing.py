@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from render.view import MIDDLE_GREY, auto_exposure_ev
+from render.output.view import MIDDLE_GREY, auto_exposure_ev
 
 _ADAPTS = 0.1
 """Share of the way to the right exposure that each frame goes; a first frame goes all of it."""

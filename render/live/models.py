@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from capture.errors import InputError
-from render.default_scene import default_scene, frame_meshes, sphere, torus
 from render.live.settings import Settings
-from render.mesh import load_meshes
-from render.scene import Camera, Material, Mesh, Scene
+from render.scenes.default_scene import default_scene, frame_meshes, sphere, torus
+from render.scenes.mesh import load_meshes
+from render.scenes.scene import Camera, Material, Mesh, Scene
 
 OWN = "own"
 OBJECTS = "objects"

@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
-from render.baked import BakedRenderer
-from render.gl import create_context, describe, is_software
+from render.baked.renderer import BakedRenderer
 from render.live.models import Models
 from render.live.settings import Settings
-from render.renderer import Renderer
-from render.scene import Camera, Scene
+from render.opengl.context import create_context, describe, is_software
+from render.opengl.renderer import Renderer
+from render.scenes.scene import Camera, Scene
 
 RESTING_S = 0.7
 """A view that was not changed for so long is worth tracing."""

@@ -23,7 +23,7 @@ from lighting.export.rig import light_rig
 from lighting.light_files import write_lights
 from lighting.maps.environment_files import write_environment
 from render.live.desk import Desk, Request, Seen
-from render.pictures import write_picture
+from render.output.pictures import write_picture
 
 _WAITING = 6
 """Brackets of a recording that may wait for the disk: 20 MB for each exposure of 1280×720."""

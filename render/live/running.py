@@ -14,12 +14,12 @@ from threading import Event
 from calibration.files import read_calibration
 from capture.errors import CameraLost, CameraStalled, FishlightError, InputError
 from capture.v4l2.camera import CameraRequest
-from render.gl import GlUnavailable
 from render.live.desk import Desk, State, StateName
 from render.live.picture import LivePicture
 from render.live.results import Results
 from render.live.session import LiveSession
 from render.live.sources import PacedRecording, Source, open_source
+from render.opengl.context import GlUnavailable
 from render.session import Counters
 
 RETRY_S = 2.0

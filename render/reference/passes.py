@@ -28,7 +28,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from render.embree import PACKET, coherent16, hit_packet, packet
+from render.rays.embree import PACKET, coherent16, hit_packet, packet
 from render.reference.emitters import Emitters, arriving
 from render.reference.irradiance import CORNERS, Irradiance, set_corners
 from render.reference.pixel_rays import SIDE, aim, mixed, pair

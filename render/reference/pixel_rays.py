@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from render.embree import PACKET
+from render.rays.embree import PACKET
 
 Floats = NDArray[np.float32]
 

@@ -17,8 +17,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from render.rays.tangent_frame import tangent_frame
 from render.reference.surfaces import ALPHA2, NORMAL, TO_EYE
-from render.tangent_frame import tangent_frame
 
 Floats = NDArray[np.float32]
 

@@ -14,8 +14,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from capture.sensor import srgb_decode
-from render.embree import PACKET, coherent16
-from render.scene import Material, Mesh, Scene
+from render.rays.embree import PACKET, coherent16
+from render.scenes.scene import Material, Mesh, Scene
 
 Floats = NDArray[np.float32]
 

@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
-from render.embree import Occluders, intersect16_address, occluded16_address
+from render.rays.embree import Occluders, intersect16_address, occluded16_address
 from render.reference.emitters import draw_pool, emitters_of
 from render.reference.irradiance import irradiance_of
 from render.reference.passes import Rays, Sums, add_pass
 from render.reference.pixel_rays import SIDE
 from render.reference.surfaces import scene_tables
-from render.scene import Camera, Scene
+from render.scenes.scene import Camera, Scene
 
 POOL = 1 << 16
 """Directions drawn for a pass."""

@@ -22,12 +22,12 @@ from lighting.blocks.source_blocks import apply_source_blocks, build_source_bloc
 from lighting.maps.remap import apply_remap, build_remap
 from lighting.reduce import ADAPTIVE
 from lighting.stream.light_stream import LightPlan, StreamMemory, next_lights
-from render.baked import BakedRenderer
-from render.default_scene import default_scene
-from render.gl import create_context
+from render.baked.renderer import BakedRenderer
+from render.opengl.context import create_context
+from render.output.view import to_display
 from render.replay_folder import ReplayFolder
+from render.scenes.default_scene import default_scene
 from render.session import END_TO_END, Counters, StageClock, run_session
-from render.view import to_display
 from tests.benchmarks.pipeline import COUNT, MAP_HEIGHT, recording_of_a_turning_sky
 
 BRACKETS = 30

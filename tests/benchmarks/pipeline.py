@@ -41,9 +41,9 @@ from lighting.reduce import most_block_rows, reduce_next
 from lighting.simulation.scenario import scenario
 from lighting.simulation.simulate import simulate_recording
 from lighting.sphere.latlong import cell_directions
-from render.baked import BakedRenderer
-from render.default_scene import default_scene
-from render.gl import create_context
+from render.baked.renderer import BakedRenderer
+from render.opengl.context import create_context
+from render.scenes.default_scene import default_scene
 from render.session import run_session
 from tests.environments import environment, outdoors
 

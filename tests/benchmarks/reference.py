@@ -16,10 +16,10 @@ import numpy as np
 
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import read_environment
-from render.default_scene import default_scene
 from render.reference.passes import Rays
 from render.reference.tracing import render_reference
-from render.scene import Camera, Material, Scene
+from render.scenes.default_scene import default_scene
+from render.scenes.scene import Camera, Material, Scene
 
 ROOT = Path(__file__).resolve().parents[2]
 ERROR = 0.01

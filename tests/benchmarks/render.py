@@ -16,15 +16,15 @@ import moderngl
 import numpy as np
 
 from lighting.light_set import LightSet
-from render.baked import BakedRenderer
-from render.casters import gather_casters
-from render.default_scene import default_scene, sphere
-from render.gbuffer import GBuffer
-from render.gl import create_context, describe
-from render.moving import Effort, MovingRenderer
-from render.renderer import Renderer
-from render.scene import Camera, Ground, Material, Scene
-from render.shadows import ShadowAtlas
+from render.baked.renderer import BakedRenderer
+from render.moving.renderer import Effort, MovingRenderer
+from render.opengl.context import create_context, describe
+from render.opengl.gbuffer import GBuffer
+from render.opengl.renderer import Renderer
+from render.opengl.shadows import ShadowAtlas
+from render.scenes.casters import gather_casters
+from render.scenes.default_scene import default_scene, sphere
+from render.scenes.scene import Camera, Ground, Material, Scene
 from tests.render.brute_force import SphereScene, as_points, away_from_outlines, trace
 from tests.render.light_sets import random_lights, uniform_fill
 

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from capture.exr import read_exr, write_exr
-from render.default_scene import sphere
-from render.gl import is_software
-from render.renderer import Renderer
-from render.scene import Camera, Ground, Material, Scene
+from render.opengl.context import is_software
+from render.opengl.renderer import Renderer
+from render.scenes.default_scene import sphere
+from render.scenes.scene import Camera, Ground, Material, Scene
 from tests.render.brute_force import SphereScene, trace
 from tests.render.light_sets import random_lights
 

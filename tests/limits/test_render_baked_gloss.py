@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from lighting.light_set import LightSet
-from render.baked import BakedRenderer
-from render.default_scene import sphere
-from render.scene import Camera, Ground, Material, Scene
+from render.baked.renderer import BakedRenderer
+from render.scenes.default_scene import sphere
+from render.scenes.scene import Camera, Ground, Material, Scene
 from tests.render.brute_force import SphereScene, as_points, away_from_outlines, trace
 from tests.render.light_sets import random_lights
 

@@ -11,9 +11,9 @@ Measured : metal 0.987, 0.881, 0.412; dielectric 1.036, 1.010, 0.975.
 import numpy as np
 import pytest
 
-from render.default_scene import sphere
-from render.renderer import Renderer
-from render.scene import Camera, Material, Scene
+from render.opengl.renderer import Renderer
+from render.scenes.default_scene import sphere
+from render.scenes.scene import Camera, Material, Scene
 from tests.render.light_sets import uniform_lights
 
 pytestmark = pytest.mark.gl

@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from render.default_scene import sphere
-from render.renderer import Renderer
-from render.scene import Camera, Ground, Scene
+from render.opengl.renderer import Renderer
+from render.scenes.default_scene import sphere
+from render.scenes.scene import Camera, Ground, Scene
 from tests.render.boxes import WHITE, box
 from tests.render.light_sets import one_light
 

@@ -15,9 +15,9 @@ import math
 import numpy as np
 import pytest
 
-from render.default_scene import sphere
-from render.renderer import Renderer
-from render.scene import Camera, Ground, Material, Scene
+from render.opengl.renderer import Renderer
+from render.scenes.default_scene import sphere
+from render.scenes.scene import Camera, Ground, Material, Scene
 from tests.render.brute_force import SphereScene, as_points, away_from_outlines, trace
 from tests.render.light_sets import one_light, only_fill, uniform_fill
 

@@ -19,9 +19,9 @@ import numpy as np
 import pytest
 
 from lighting.light_set import LightSet
-from render.default_scene import sphere
-from render.moving import MovingRenderer
-from render.scene import Camera, Ground, Material, Mesh, Scene
+from render.moving.renderer import MovingRenderer
+from render.scenes.default_scene import sphere
+from render.scenes.scene import Camera, Ground, Material, Mesh, Scene
 from tests.render.boxes import WHITE, box
 from tests.render.brute_force import SphereScene, as_points, away_from_outlines, trace
 from tests.render.light_sets import one_light, random_lights
@@ -122,7 +122,7 @@ def test_nan_is_refused_before_it_reaches_a_picture():
 
 
 def test_no_opengl_is_needed():
-    code = "import sys, render.moving; sys.exit('moderngl' in sys.modules)"
+    code = "import sys, render.moving.renderer; sys.exit('moderngl' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

@@ -12,10 +12,10 @@ import math
 import numpy as np
 import pytest
 
-from render.casters import gather_casters
-from render.renderer import Renderer
-from render.scene import Camera, Ground, Scene
-from render.shadows import texel_width
+from render.opengl.renderer import Renderer
+from render.opengl.shadows import texel_width
+from render.scenes.casters import gather_casters
+from render.scenes.scene import Camera, Ground, Scene
 from tests.render.boxes import box
 from tests.render.light_sets import one_light
 

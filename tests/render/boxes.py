@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from render.scene import Material, Mesh
+from render.scenes.scene import Material, Mesh
 
 WHITE = Material((1.0, 1.0, 1.0), specular=0.0)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from lighting.light_set import LightSet
 from lighting.sphere import harmonics
-from render.scene import Camera, Ground, Material
+from render.scenes.scene import Camera, Ground, Material
 
 
 @dataclass(frozen=True)

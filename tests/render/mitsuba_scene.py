@@ -17,7 +17,7 @@ import numpy as np
 
 from capture.sensor import srgb_decode
 from lighting.maps.environment import EnvironmentMap
-from render.scene import Camera, Material, Mesh, Scene
+from render.scenes.scene import Camera, Material, Mesh, Scene
 
 _FINE_ROWS = 512  # Mitsuba interpolates between texels: so many make a cell nearly constant
 

@@ -23,9 +23,9 @@ from lighting.reduce import reduce_to_lights
 from lighting.simulation.scenario import Moment
 from lighting.simulation.truth import read_truth
 from lighting.sphere.latlong import cell_directions, solid_angles
-from render.default_scene import sphere
-from render.renderer import Renderer
-from render.scene import Camera, Ground, Material, Scene
+from render.opengl.renderer import Renderer
+from render.scenes.default_scene import sphere
+from render.scenes.scene import Camera, Ground, Material, Scene
 from tests.render.brute_force import SphereScene, as_points, away_from_outlines, trace
 
 pytestmark = pytest.mark.gl

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from capture.errors import InputError
-from render.ambient_occlusion import ambient_occlusion
-from render.background import picture_rays
-from render.default_scene import sphere
-from render.scene import Camera, Ground, Material, Scene
+from render.rays.background import picture_rays
+from render.reference.ambient_occlusion import ambient_occlusion
+from render.scenes.default_scene import sphere
+from render.scenes.scene import Camera, Ground, Material, Scene
 
 RADIUS_M, HEIGHT_M = 0.5, 2.0
 BALL = sphere((0.0, HEIGHT_M, 0.0), RADIUS_M, Material(), 96)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from lighting.maps.environment import EnvironmentMap
-from render.background import look_up, map_coordinates, picture_rays
-from render.renderer import Renderer
-from render.scene import Camera, Ground, Scene
+from render.opengl.renderer import Renderer
+from render.rays.background import look_up, map_coordinates, picture_rays
+from render.scenes.scene import Camera, Ground, Scene
 from tests.render.light_sets import only_fill
 
 VIEWS = {

@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from render.background_writer import OUTSTANDING, BackgroundWriter
+from render.output.background_writer import OUTSTANDING, BackgroundWriter
 
 
 def test_calls_are_made_in_order_and_all_of_them():

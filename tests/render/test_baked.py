@@ -8,12 +8,12 @@ import pytest
 
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
-from render import baked
-from render.background import look_up, map_coordinates, picture_rays
-from render.baked import BakedRenderer
-from render.default_scene import default_scene, sphere
-from render.renderer import Renderer
-from render.scene import Camera, Ground, Material, Scene
+from render.baked import renderer as baked
+from render.baked.renderer import BakedRenderer
+from render.opengl.renderer import Renderer
+from render.rays.background import look_up, map_coordinates, picture_rays
+from render.scenes.default_scene import default_scene, sphere
+from render.scenes.scene import Camera, Ground, Material, Scene
 from tests.render.brute_force import SphereScene, as_points, away_from_outlines, trace
 from tests.render.light_sets import (
     one_light,

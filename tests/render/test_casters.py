@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from render.casters import gather_casters, is_closed, signed_volume
-from render.default_scene import sphere, torus
-from render.scene import Material, Mesh
+from render.scenes.casters import gather_casters, is_closed, signed_volume
+from render.scenes.default_scene import sphere, torus
+from render.scenes.scene import Material, Mesh
 
 BALL = sphere((1.0, 2.0, 3.0), 0.5, Material(), rings=32)
 RING = torus((0.0, 1.0, 0.0), 1.0, 0.2, Material(), segments=48)

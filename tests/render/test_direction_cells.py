@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lighting.sphere.latlong import solid_angles
-from render.direction_cells import (
+from render.baked.direction_cells import (
     cell_of,
     direction_cells,
     disc_points,

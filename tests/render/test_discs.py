@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from lighting.sphere import caps
-from render.discs import cut_at_horizon, irradiance_curves, moment_above
+from render.lights.discs import cut_at_horizon, irradiance_curves, moment_above
 from tests.environments import normals
 
 UP = np.array([[0.0, 1.0, 0.0]])

@@ -10,7 +10,7 @@ import pytest
 from capture.errors import FishlightError
 from render import doctor, doctor_cli
 from render.doctor import OPENCV_DISTRIBUTIONS, Finding
-from render.gl import REMEDY, GlUnavailable
+from render.opengl.context import REMEDY, GlUnavailable
 
 
 def finding(subject):

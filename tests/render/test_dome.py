@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from lighting.light_set import LightSet
 from lighting.measures.error_measures import received, relative_rms, standard_receivers
 from lighting.sphere import harmonics
-from render.dome import CELLS, dome_lights
+from render.lights.dome import CELLS, dome_lights
 from tests.environments import normals
 
 NO_LIGHTS = np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)

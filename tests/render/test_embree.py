@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from render.default_scene import sphere
-from render.embree import (
+from render.rays.embree import (
     PACKET,
     Occluders,
     hit_packet,
@@ -15,7 +14,8 @@ from render.embree import (
     occluded16_address,
     packet,
 )
-from render.scene import Material
+from render.scenes.default_scene import sphere
+from render.scenes.scene import Material
 
 
 @njit

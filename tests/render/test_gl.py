@@ -3,7 +3,7 @@
 import moderngl
 import pytest
 
-from render.gl import REMEDY, GlUnavailable, create_context, describe
+from render.opengl.context import REMEDY, GlUnavailable, create_context, describe
 
 
 def test_without_egl_the_message_holds_the_remedy(monkeypatch):

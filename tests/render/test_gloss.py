@@ -9,11 +9,11 @@ from numpy.testing import assert_allclose
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from lighting.sphere.latlong import grid_to_direction
-from render.baked import BakedRenderer
-from render.default_scene import sphere
-from render.light_map import map_of_lights
-from render.map_pyramid import map_pyramid
-from render.scene import Camera, Ground, Material, Scene
+from render.baked.renderer import BakedRenderer
+from render.lights.light_map import map_of_lights
+from render.lights.map_pyramid import map_pyramid
+from render.scenes.default_scene import sphere
+from render.scenes.scene import Camera, Ground, Material, Scene
 from tests.render.brute_force import SphereScene, away_from_outlines
 from tests.render.light_sets import random_lights, uniform_fill
 

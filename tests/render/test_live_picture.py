@@ -11,8 +11,7 @@ import pytest
 from capture.radiance import RadianceImage
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
-from render.baked import BakedRenderer
-from render.gl import create_context
+from render.baked.renderer import BakedRenderer
 from render.live import picture as live_picture
 from render.live.desk import Desk, LiveFrame, Seen, State
 from render.live.encoding import encode_frame
@@ -20,7 +19,8 @@ from render.live.exposing import ViewExposure
 from render.live.models import load_models
 from render.live.picture import LivePicture
 from render.live.settings import Settings, changed
-from render.preview import CLIPPED_RGB
+from render.opengl.context import create_context
+from render.output.preview import CLIPPED_RGB
 
 MODELS = load_models(())
 SIZE_PX = (48, 36)

@@ -15,7 +15,6 @@ from capture.reopening import CameraAway
 from capture.v4l2.camera import CameraRequest
 from lighting.light_files import read_lights
 from lighting.maps.environment_files import read_environment
-from render.gl import GlUnavailable
 from render.live import running
 from render.live.desk import Desk
 from render.live.models import load_models
@@ -23,6 +22,7 @@ from render.live.results import Results
 from render.live.running import LiveRequest, Stop, run_live
 from render.live.session import LiveSession
 from render.live.settings import Settings
+from render.opengl.context import GlUnavailable
 from tests.capture.fake_camera import FakePort, scene
 from tests.render.live_recording import make_recording
 

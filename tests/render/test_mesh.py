@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image
 
 from capture.errors import InputError
-from render.mesh import load_meshes, smooth_normals
+from render.scenes.mesh import load_meshes, smooth_normals
 
 DATA = Path(__file__).resolve().parents[2].parent / "shared/data"
 TRIANGLE_OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"

@@ -8,10 +8,10 @@ import pytest
 
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
-from render.default_scene import default_scene, sphere
-from render.moving import Effort, MovingRenderer, _take_turns
-from render.renderer import Renderer
-from render.scene import Camera, Ground, Material, Scene
+from render.moving.renderer import Effort, MovingRenderer, _take_turns
+from render.opengl.renderer import Renderer
+from render.scenes.default_scene import default_scene, sphere
+from render.scenes.scene import Camera, Ground, Material, Scene
 from tests.render.boxes import box
 from tests.render.brute_force import SphereScene, as_points, away_from_outlines, trace
 from tests.render.light_sets import one_light, only_fill, random_lights, uniform_fill

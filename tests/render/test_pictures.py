@@ -7,8 +7,8 @@ from numpy.testing import assert_array_equal
 from capture.errors import InputError
 from capture.exr import read_exr
 from capture.pictures import read_picture
-from render.pictures import write_picture
-from render.view import to_display
+from render.output.pictures import write_picture
+from render.output.view import to_display
 
 PICTURE = np.random.default_rng(0).gamma(1.0, 10.0, (5, 7, 4)).astype(np.float32)
 

@@ -9,7 +9,7 @@ from numpy.testing import assert_array_equal
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from lighting.sphere.latlong import cell_directions
-from render.preview import CLIPPED_RGB, UNSEEN_RGB, preview
+from render.output.preview import CLIPPED_RGB, UNSEEN_RGB, preview
 from tests.render.light_sets import one_light
 
 OUTLINE_PX = 5  # wider than the circle through the middle of the line, both sides together

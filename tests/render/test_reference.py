@@ -8,10 +8,10 @@ import pytest
 
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
-from render.default_scene import default_scene, sphere
 from render.reference.passes import Rays
 from render.reference.tracing import LEAST_PASSES, render_reference
-from render.scene import Camera, Ground, Material, Mesh, Scene
+from render.scenes.default_scene import default_scene, sphere
+from render.scenes.scene import Camera, Ground, Material, Mesh, Scene
 from tests.render.brute_force import SphereScene, as_points, away_from_outlines, reflectance, trace
 from tests.render.light_sets import one_light, only_fill, uniform_fill
 

@@ -7,10 +7,10 @@ import pytest
 
 from lighting.maps.environment import EnvironmentMap
 from lighting.sphere.latlong import cell_directions
-from render.default_scene import default_scene
 from render.reference.passes import Rays
 from render.reference.tracing import render_reference
-from render.scene import Material, Scene
+from render.scenes.default_scene import default_scene
+from render.scenes.scene import Material, Scene
 
 pytest.importorskip("mitsuba", reason="Mitsuba is in the development extra")
 from tests.render import mitsuba_scene

@@ -14,7 +14,7 @@ from lighting.light_files import write_lights
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import write_environment
 from render import render_cli
-from render.gl import GlUnavailable
+from render.opengl.context import GlUnavailable
 from render.render_cli import parse_exposure, render
 from tests.render.light_sets import random_lights
 

@@ -12,13 +12,13 @@ from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from lighting.sphere import caps
 from lighting.sphere.latlong import cell_directions
-from render.default_scene import sphere
-from render.dome import CELLS
-from render.gl import is_software
-from render.reaching_lights import reaching_lights
-from render.renderer import BATCH, Renderer
-from render.scene import Camera, Ground, Material, Mesh, Scene
-from render.shadows import ShadowAtlas
+from render.lights.dome import CELLS
+from render.lights.reaching_lights import reaching_lights
+from render.opengl.context import is_software
+from render.opengl.renderer import BATCH, Renderer
+from render.opengl.shadows import ShadowAtlas
+from render.scenes.default_scene import sphere
+from render.scenes.scene import Camera, Ground, Material, Mesh, Scene
 from tests.render.brute_force import SphereScene, as_points, away_from_outlines, trace
 from tests.render.light_sets import (
     one_light,

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from capture.errors import InputError
-from render.default_scene import default_scene, frame_meshes, sphere
-from render.scene import Camera, Ground, Material, Mesh, Scene
+from render.scenes.default_scene import default_scene, frame_meshes, sphere
+from render.scenes.scene import Camera, Ground, Material, Mesh, Scene
 
 TRIANGLE = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]])
 NORMALS = np.tile(np.float32([0, 0, 1]), (3, 1))

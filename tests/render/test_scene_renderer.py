@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from render import scene_renderer
-from render.scene import Camera, Ground, Scene
 from render.scene_renderer import SceneRenderer
+from render.scenes.scene import Camera, Ground, Scene
 from tests.render.light_sets import one_light
 
 SCENE = Scene((), Ground())

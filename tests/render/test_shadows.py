@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from render.casters import gather_casters
-from render.default_scene import sphere
-from render.scene import Material
-from render.shadows import ShadowAtlas, texel_width, tile_size, world_to_tile
+from render.opengl.shadows import ShadowAtlas, texel_width, tile_size, world_to_tile
+from render.scenes.casters import gather_casters
+from render.scenes.default_scene import sphere
+from render.scenes.scene import Material
 from tests.render.light_sets import random_lights
 
 CENTRE = np.array([0.3, 1.0, -2.0])

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from capture.errors import InputError
-from render.video import VideoWriter
+from render.output.video import VideoWriter
 
 
 def bars(index, width=101, height=75):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.sensor import srgb_encode
-from render.view import SHOULDER, _code, _code_tables, auto_exposure_ev, roll_off, to_display
+from render.output.view import SHOULDER, _code, _code_tables, auto_exposure_ev, roll_off, to_display
 
 
 def test_the_curve_is_that_of_colour_science():

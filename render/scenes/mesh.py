@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from capture.errors import InputError
 from capture.sensor import srgb_decode
-from render.gltf import check_gltf
-from render.scene import Material, Mesh
+from render.scenes.gltf import check_gltf
+from render.scenes.scene import Material, Mesh
 
 MESH_SUFFIXES = (".obj", ".gltf", ".glb", ".ply")
 MAX_FACES = 20_000_000

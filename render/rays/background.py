@@ -10,7 +10,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from lighting.maps.environment import EnvironmentMap
-from render.scene import Camera
+from render.scenes.scene import Camera
 
 
 def picture_rays(camera: Camera, size_px: tuple[int, int]) -> NDArray[np.float64]:

@@ -19,8 +19,8 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from capture.errors import InputError
-from render.background import picture_rays
-from render.embree import (
+from render.rays.background import picture_rays
+from render.rays.embree import (
     PACKET,
     Occluders,
     hit_packet,
@@ -29,6 +29,7 @@ from render.embree import (
     occluded16_address,
     packet,
 )
+from render.rays.tangent_frame import tangent_frame
 from render.reference.surfaces import (
     FACE_NORMAL,
     FAR_M,
@@ -40,8 +41,7 @@ from render.reference.surfaces import (
     find_surfaces,
     scene_tables,
 )
-from render.scene import Camera, Scene
-from render.tangent_frame import tangent_frame
+from render.scenes.scene import Camera, Scene
 
 RAYS = 64
 """Rays of each point that is seen."""

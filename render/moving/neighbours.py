@@ -8,9 +8,9 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from render.embree import PACKET
-from render.first_hits import FIELDS, KIND, LANES, NORMAL, NOTHING, POSITION, SIDE
-from render.shadow_rays import LOOSE
+from render.moving.shadow_rays import LOOSE
+from render.rays.embree import PACKET
+from render.rays.first_hits import FIELDS, KIND, LANES, NORMAL, NOTHING, POSITION, SIDE
 
 _FLOATS = NDArray[np.float32]
 _LEAST_AGREEMENT = np.float32(0.9)  # of the normals of one surface at neighbouring pixels

@@ -9,8 +9,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from render.casters import gather_casters
-from render.scene import Camera, Ground, Material, Mesh, Scene
+from render.scenes.casters import gather_casters
+from render.scenes.scene import Camera, Ground, Material, Mesh, Scene
 
 FRONT_AZIMUTH_RAD = math.radians(20)
 """Where the camera stands before a mesh, whose front is +Z as in glTF: a little to its left."""

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.sensor import srgb_decode
-from render.scene import Material, Mesh
-from render.texture_pyramid import pyramid
+from render.scenes.scene import Material, Mesh
+from render.scenes.texture_pyramid import pyramid
 
 _FLOATS = NDArray[np.float32]
 

@@ -25,16 +25,12 @@ from numpy.typing import NDArray
 
 from lighting.light_set import LightSet
 from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
-from render.disc_net import disc_net
-from render.discs import irradiance_curves
-from render.dome import dome_lights
-from render.embree import Occluders, intersect16_address, occluded16_address
-from render.first_hits import LANES, empty_surfaces, find_surfaces
-from render.neighbours import soften
-from render.reaching_lights import reaching_lights
-from render.scene import Camera, Scene
-from render.shaded_light import add_lights
-from render.shadow_rays import (
+from render.lights.discs import irradiance_curves
+from render.lights.dome import dome_lights
+from render.lights.reaching_lights import reaching_lights
+from render.moving.neighbours import soften
+from render.moving.shaded_light import add_lights
+from render.moving.shadow_rays import (
     CURVE,
     DIRECTION,
     HALF,
@@ -44,7 +40,11 @@ from render.shadow_rays import (
     WIDTH,
     trace_lights,
 )
-from render.triangle_tables import gather_appearance, gather_geometry
+from render.rays.disc_net import disc_net
+from render.rays.embree import Occluders, intersect16_address, occluded16_address
+from render.rays.first_hits import LANES, empty_surfaces, find_surfaces
+from render.scenes.scene import Camera, Scene
+from render.scenes.triangle_tables import gather_appearance, gather_geometry
 
 Array = NDArray[np.float64]
 _FLOATS = NDArray[np.float32]

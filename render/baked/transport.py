@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from render.transport_kernel import add_transported
+from render.baked.transport_kernel import add_transported
 
 Array = NDArray[np.float64]
 

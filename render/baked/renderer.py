@@ -24,29 +24,29 @@ from lighting.export.residual import remove_lights
 from lighting.light_set import LightSet
 from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from lighting.sphere import harmonics
-from render.background import (
+from render.baked.direction_cells import (
+    direction_cells,
+    disc_points,
+    map_over_cells,
+    spread_over_cells,
+)
+from render.baked.gloss import ROUGH_ALPHA, add_reflections, trace_gloss
+from render.baked.surface_samples import mirror_tint, surface_samples
+from render.baked.transport import NarrowLight, Transport
+from render.baked.transport_kernel import TILE, place, trace_transport
+from render.lights.light_map import map_of_lights
+from render.lights.map_pyramid import map_pyramid
+from render.lights.reaching_lights import reaching_lights
+from render.rays.background import (
     look_through,
     look_up,
     map_coordinates,
     picture_rays,
     with_ground,
 )
-from render.casters import gather_casters
-from render.direction_cells import (
-    direction_cells,
-    disc_points,
-    map_over_cells,
-    spread_over_cells,
-)
-from render.embree import Occluders, occluded16_address
-from render.gloss import ROUGH_ALPHA, add_reflections, trace_gloss
-from render.light_map import map_of_lights
-from render.map_pyramid import map_pyramid
-from render.reaching_lights import reaching_lights
-from render.scene import Camera, Scene
-from render.surface_samples import mirror_tint, surface_samples
-from render.transport import NarrowLight, Transport
-from render.transport_kernel import TILE, place, trace_transport
+from render.rays.embree import Occluders, occluded16_address
+from render.scenes.casters import gather_casters
+from render.scenes.scene import Camera, Scene
 
 Array = NDArray[np.float64]
 

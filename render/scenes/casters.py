@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from render.scene import Mesh
+from render.scenes.scene import Mesh
 
 
 @dataclass(frozen=True)

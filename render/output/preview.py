@@ -11,7 +11,7 @@ from capture.radiance import RadianceImage
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from lighting.sphere.latlong import direction_to_grid
-from render.view import to_display
+from render.output.view import to_display
 
 LIGHT_RGB = (255, 190, 0)
 KEY_RGB = (0, 220, 255)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from capture.errors import InputError
 from capture.exr import write_exr
 from capture.pictures import write_png
-from render.view import to_display
+from render.output.view import to_display
 
 PICTURE_SUFFIXES = (".png", ".exr")
 

@@ -16,8 +16,8 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from render.embree import coherent16, hit_packet
-from render.texture_pyramid import texture_colour
+from render.rays.embree import coherent16, hit_packet
+from render.scenes.texture_pyramid import texture_colour
 
 LANES = 16
 """Pixels of a tile, and rays of a packet."""

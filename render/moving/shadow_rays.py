@@ -13,8 +13,8 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from render.embree import PACKET, coherent16, packet
-from render.first_hits import FACE_NORMAL, FIELDS, KIND, LANES, NORMAL, NOTHING, POSITION, SIDE
+from render.rays.embree import PACKET, coherent16, packet
+from render.rays.first_hits import FACE_NORMAL, FIELDS, KIND, LANES, NORMAL, NOTHING, POSITION, SIDE
 
 _FLOATS = NDArray[np.float32]
 _FAR_M = np.float32(1e30)

@@ -14,8 +14,10 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from render.embree import PACKET, occluded16, packet
-from render.first_hits import (
+from render.moving.neighbours import average_visible, compare, find_turns, load_packet, low
+from render.moving.shadow_rays import CURVE, HALF, LOOSE, POINTS, SINE, SPREAD
+from render.rays.embree import PACKET, occluded16, packet
+from render.rays.first_hits import (
     ALPHA2,
     F0,
     F90,
@@ -29,8 +31,6 @@ from render.first_hits import (
     POSITION,
     SIDE,
 )
-from render.neighbours import average_visible, compare, find_turns, load_packet, low
-from render.shadow_rays import CURVE, HALF, LOOSE, POINTS, SINE, SPREAD
 
 _FLOATS = NDArray[np.float32]
 _FAR_M = np.float32(1e30)

@@ -1,7 +1,7 @@
 """The G-buffer: what is seen through each pixel, drawn once per scene and camera.
 
 Output : five float textures: position and hit, shading normal and roughness, face normal and f90,
-         diffuse reflectance, f0 (render/shaders/gbuffer.frag).
+         diffuse reflectance, f0 (render/opengl/shaders/gbuffer.frag).
 Cost   : about 11 ms at 640×480 on llvmpipe.
 """
 
@@ -11,8 +11,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from render.gl import load_program, release, set_uniforms
-from render.scene import Camera, Ground, Material, Mesh, Scene
+from render.opengl.context import load_program, release, set_uniforms
+from render.scenes.scene import Camera, Ground, Material, Mesh, Scene
 
 _TARGETS = (
     "position_hit",

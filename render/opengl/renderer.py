@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from capture.errors import InputError
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
-from render.casters import gather_casters
-from render.discs import irradiance_curves
-from render.dome import dome_lights
-from render.gbuffer import GBuffer
-from render.gl import load_program, release, set_uniforms
-from render.reaching_lights import reaching_lights
-from render.scene import Camera, Scene
-from render.shadows import ShadowAtlas, texel_width, world_to_tile
+from render.lights.discs import irradiance_curves
+from render.lights.dome import dome_lights
+from render.lights.reaching_lights import reaching_lights
+from render.opengl.context import load_program, release, set_uniforms
+from render.opengl.gbuffer import GBuffer
+from render.opengl.shadows import ShadowAtlas, texel_width, world_to_tile
+from render.scenes.casters import gather_casters
+from render.scenes.scene import Camera, Scene
 
 BATCH = 64
 """Lights per pass over the picture."""

@@ -24,9 +24,9 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from render.embree import PACKET, occluded16, packet
-from render.map_pyramid import MapPyramid, mean_around
-from render.tangent_frame import tangent_frame
+from render.lights.map_pyramid import MapPyramid, mean_around
+from render.rays.embree import PACKET, occluded16, packet
+from render.rays.tangent_frame import tangent_frame
 
 _FLOATS = NDArray[np.float32]
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.maps.environment import LUMINANCE_WEIGHTS
-from render.gbuffer import GBuffer
-from render.scene import Camera, Scene
-from render.transport_kernel import TILE
+from render.baked.transport_kernel import TILE
+from render.opengl.gbuffer import GBuffer
+from render.scenes.scene import Camera, Scene
 
 _FLOATS = NDArray[np.float32]
 

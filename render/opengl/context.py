@@ -74,11 +74,11 @@ def release(context: moderngl.Context, *items: Any) -> None:
 def load_program(
     context: moderngl.Context, vertex: str, fragment: str, **constants: int
 ) -> moderngl.Program:
-    """Return the program made of two files of render/shaders.
+    """Return the program made of two files of render/opengl/shaders.
 
     `constants` become #defines in both, which lets the compiler unroll loops.
     """
-    folder = importlib.resources.files("render.shaders")
+    folder = importlib.resources.files("render.opengl.shaders")
     defines = "".join(f"#define {name} {value}\n" for name, value in constants.items())
     sources = [
         "#version 330 core\n" + defines + (folder / name).read_text(encoding="utf-8")

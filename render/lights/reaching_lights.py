@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.light_set import LightSet
-from render.discs import cut_at_horizon
-from render.scene import Scene
+from render.lights.discs import cut_at_horizon
+from render.scenes.scene import Scene
 
 
 def reaching_lights(

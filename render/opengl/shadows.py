@@ -13,8 +13,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from render.casters import Casters
-from render.gl import load_program, release, set_uniforms
+from render.opengl.context import load_program, release, set_uniforms
+from render.scenes.casters import Casters
 
 ATLAS_SIDE_PX = 4096
 LARGEST_TILE_PX = 512

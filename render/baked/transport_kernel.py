@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from render.embree import PACKET, coherent16, packet
+from render.rays.embree import PACKET, coherent16, packet
 
 TILE = 128
 """Samples of a tile: their sums fit into the first-level cache."""

@@ -1,0 +1,1 @@
+"""Pictures of what stands still: visibility is traced once, light is multiplied with it."""

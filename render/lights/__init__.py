@@ -1,0 +1,1 @@
+"""Lights and maps as renderers take them."""

@@ -1,0 +1,1 @@
+"""Pictures of what moves: shadow rays, shared between neighbouring pixels."""

@@ -1,0 +1,1 @@
+"""Pictures by OpenGL: the context, the G-buffer, shadow maps."""

@@ -1,0 +1,1 @@
+"""From radiance to what people look at: view transform, pictures, video."""

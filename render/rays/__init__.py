@@ -1,0 +1,1 @@
+"""Rays against a scene's triangles, and what they find."""
