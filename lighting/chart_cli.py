@@ -1,9 +1,7 @@
-"""`fishlight chart`: what fishlight is worth, measured here and drawn."""
+"""`fishlight chart lights`: what ways to find lights are worth, measured here and drawn."""
 
 from collections.abc import Sequence
 from pathlib import Path
-
-from cyclopts import App
 
 from capture.arguments import Output
 from capture.errors import InputError
@@ -19,12 +17,7 @@ from lighting.simulation.sequences import SEQUENCES
 KNOWN_NAME = "measurements.json"
 _MADE_ROWS = 512
 
-chart_app = App(
-    name="chart", help="Measure ways to do a stage's work, and draw what they are worth."
-)
 
-
-@chart_app.command(name="lights")
 def chart_lights(
     *environments: Path, output: Output, fresh: bool = False, force: bool = False
 ) -> None:

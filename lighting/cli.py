@@ -9,5 +9,5 @@ COMMANDS: tuple[tuple[str, str], ...] = (
     ("lighting.absolute_cli:illuminance", "illuminance"),
     ("lighting.lights_cli:lights", "lights"),
     ("lighting.export_cli:export", "export"),
-    ("lighting.chart_cli:chart_app", "chart"),
+    ("lighting.chart_cli:chart_lights", "chart lights"),
 )

@@ -33,8 +33,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # so it tidies up
     tokens = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        if tokens[:1] in ([], ["--help"], ["-h"]):
-            app.resolved_commands()  # imports them all: their docstrings are the overview
+        place, asked = (app["chart"], tokens[1:]) if tokens[:1] == ["chart"] else (app, tokens)
+        if asked[:1] in ([], ["--help"], ["-h"]):
+            place.resolved_commands()  # imports them all: their docstrings are the overview
         app(tokens, exit_on_error=False, print_error=False)
     except UnknownCommandError as error:  # whose own text imports every command
         names = [name for name in error.app or () if not name.startswith("-")]
