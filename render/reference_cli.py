@@ -1,11 +1,14 @@
 """What `render --reference` does: traces the picture and writes it with its error."""
 
 import math
+import time
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
+from rich.progress import Progress as ProgressBar
 
 from capture.errors import InputError
 from capture.exr import write_exr
@@ -15,10 +18,19 @@ from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import read_environment
 from render.output.pictures import write_picture
 from render.rays.background import look_up, map_coordinates, picture_rays
+from render.reference.accumulation import Progress, nothing_yet
+from render.reference.checkpoint import (
+    checkpoint_of,
+    digest_of,
+    read_checkpoint,
+    write_checkpoint,
+)
 from render.reference.tracing import ReferencePicture, render_reference
 from render.scenes.scene import Camera, Scene
 
 DEFAULT_ERROR = 0.01
+KEPT_EVERY_S = 5.0
+"""How often what is traced so far is written, and so the most that an interruption loses."""
 
 _BACKGROUND_SAMPLES = 2  # per axis of a pixel
 
@@ -38,38 +50,64 @@ def read_light(
 
 
 def trace_picture(
+    output: Path,
     scene: Scene,
     camera: Camera,
     light: LightSet | EnvironmentMap,
-    background: EnvironmentMap | None,
     error: float | None,
     seconds: float | None,
 ) -> ReferencePicture:
-    """Return the reference picture, in front of a map if there is one, and show how far it is.
+    """Return the reference picture, and show how far it is.
+
+    What it has so far is kept beside the output: a picture that was interrupted goes on. Call
+    `drop_checkpoint` once the output is written.
 
     Raises
     ------
     InputError
-        If the error or the time is not positive.
+        If the error or the time is not positive, or nothing can be written beside the output.
     """
     for flag, limit in (("--error", error), ("--seconds", seconds)):
         if limit is not None and not 0 < limit < math.inf:
             raise InputError(f"{flag} must be above 0, got {limit}")
     if error is None:
         error = DEFAULT_ERROR if seconds is None else 0.0
-    with Console(stderr=True).status("tracing") as status:
-        picture = render_reference(
-            scene,
-            camera,
-            light,
-            error=error,
-            seconds=math.inf if seconds is None else seconds,
-            on_pass=lambda passes, now: status.update(f"pass {passes}, error {now:.2%}"),
-        )
-    if background is not None:
-        clear = 1 - picture.radiance[..., 3:]
-        picture.radiance[..., :3] += clear * _seen_behind(background, camera)
-    return picture
+    limit_s = math.inf if seconds is None else seconds
+    place = checkpoint_of(output)
+    digest = digest_of(version("fishlight"), scene, camera, light)
+    known = read_checkpoint(place, digest)
+    if known is None:
+        known = nothing_yet(camera.size_px)
+    else:
+        print(f"{place}: goes on from pass {known.passes}, error {known.relative_error:.2%}")
+    with _bar() as bar:
+        shown = bar.add_task("tracing", total=1.0)
+        kept_s = time.monotonic()
+
+        def keep_and_show(now: Progress) -> None:
+            nonlocal kept_s
+            if time.monotonic() > kept_s + KEPT_EVERY_S:
+                write_checkpoint(place, now, digest)
+                kept_s = time.monotonic()
+            done = max((error / now.relative_error) ** 2, now.elapsed_s / limit_s)
+            about = f"pass {now.passes}, error {now.relative_error:.2%}"
+            bar.update(shown, completed=done, description=about)
+
+        return render_reference(
+            scene, camera, light, error=error, seconds=limit_s, progress=known,
+            on_pass=keep_and_show,
+        )  # fmt: skip
+
+
+def drop_checkpoint(output: Path) -> None:
+    """Remove what was kept of a picture: it is written, or not wanted."""
+    checkpoint_of(output).unlink(missing_ok=True)
+
+
+def put_in_front(picture: ReferencePicture, background: EnvironmentMap, camera: Camera) -> None:
+    """Add the map to the picture where the scene does not cover it."""
+    clear = 1 - picture.radiance[..., 3:]
+    picture.radiance[..., :3] += clear * _seen_behind(background, camera)
 
 
 def write_reference(
@@ -94,3 +132,9 @@ def _seen_behind(background: EnvironmentMap, camera: Camera) -> NDArray[np.float
     at = map_coordinates(rays)
     look_up(np.ascontiguousarray(background.radiance), at, np.arange(len(rays)), seen)
     return seen.reshape(height, n, width, n, 3).mean(axis=(1, 3), dtype=np.float32)
+
+
+def _bar() -> ProgressBar:
+    """Return a bar on a terminal, and nothing anywhere else."""
+    console = Console(stderr=True)
+    return ProgressBar(console=console, transient=True, disable=not console.is_terminal)

@@ -20,7 +20,13 @@ from render.opengl.context import GlUnavailable, create_context
 from render.opengl.renderer import Renderer
 from render.output.pictures import check_picture_suffix, write_picture
 from render.output.view import auto_exposure_ev
-from render.reference_cli import read_light, trace_picture, write_reference
+from render.reference_cli import (
+    drop_checkpoint,
+    put_in_front,
+    read_light,
+    trace_picture,
+    write_reference,
+)
 from render.scenes.default_scene import default_scene, frame_meshes
 from render.scenes.mesh import load_meshes
 from render.scenes.scene import Camera, Scene
@@ -49,7 +55,8 @@ def render(
 
     With --reference the picture is ray-traced without OpenGL: exact shadows, of a whole map or of
     lights, until it is as good as --error asks for, or --seconds are over. An .exr then has the
-    standard error of each pixel as a layer, standard_error.
+    standard error of each pixel as a layer, standard_error. A picture that is interrupted goes on
+    where it was when the same command is given again.
 
     Parameters
     ----------
@@ -97,9 +104,12 @@ def render(
     if reference:
         light, about = read_light(lights, environment)
         scene, camera = scene_to_render(mesh, size_px)
-        traced = trace_picture(scene, camera, light, behind, error, seconds)
+        traced = trace_picture(output, scene, camera, light, error, seconds)
+        if behind is not None:
+            put_in_front(traced, behind, camera)
         ev = auto_exposure_ev(traced.radiance) if fixed_ev is None else fixed_ev
         write_reference(output, traced, ev, force=force)
+        drop_checkpoint(output)
         about += f", passes {traced.passes}, error {traced.relative_error:.2%}"
     elif lights is None or any(each is not None for each in (environment, error, seconds)):
         raise InputError("give --lights; --map, --error and --seconds are for --reference")

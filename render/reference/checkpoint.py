@@ -61,7 +61,7 @@ def read_checkpoint(path: Path, digest: str) -> Progress | None:
     anew, and nothing but time is lost.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             if str(file["digest"]) != digest:
                 return None
             passes, drawn, factor, may_grow = (int(count) for count in file["counts"])
