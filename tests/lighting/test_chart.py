@@ -11,7 +11,7 @@ import pytest
 from capture.errors import InputError
 from lighting.measures import chart, flicker
 from lighting.measures.chart import FLICKER, Measurement, Point, as_csv, pareto_front, points_of
-from lighting.measures.chart_drawing import THEMES, draw
+from lighting.measures.chart_drawing import draw
 from lighting.measures.error_measures import (
     errors,
     received,
@@ -19,6 +19,7 @@ from lighting.measures.error_measures import (
     standard_receivers,
     truth,
 )
+from lighting.measures.themes import THEMES
 from lighting.reduce import ADAPTIVE, METHODS, reduce_to_lights
 from lighting.simulation.sequences import SEQUENCES, frames
 from tests.environments import constant, outdoors
