@@ -1,0 +1,1 @@
+"""What ways to a picture are worth: errors as numbers and as eyes see them, against time."""
