@@ -171,9 +171,10 @@ def _features(brightness: Floats, pixels_per_degree: float) -> Floats:
 
 
 def _filtered(channel: Floats, across: NDArray[np.float64], down: NDArray[np.float64]) -> Floats:
-    return cv2.sepFilter2D(
+    filtered = cv2.sepFilter2D(
         np.ascontiguousarray(channel), cv2.CV_32F, across, down, borderType=cv2.BORDER_REPLICATE
     )
+    return np.asarray(filtered, np.float32)
 
 
 def _perceived(linear: Floats) -> Floats:
@@ -202,5 +203,4 @@ def _redistributed(distance: Floats) -> Floats:
     """Return distances up to the largest in [0, 1], the small ones spread out."""
     knee = _KNEE_AT * _LARGEST
     above = (distance - knee) / (_LARGEST - knee)
-    spread: Floats = np.where(distance < knee, _KNEE / knee * distance, _KNEE + (1 - _KNEE) * above)
-    return spread
+    return np.where(distance < knee, _KNEE / knee * distance, _KNEE + (1 - _KNEE) * above)
