@@ -25,25 +25,28 @@ EDGE_STEPS = 96
 def preview(
     environment: EnvironmentMap, lights: LightSet, exposure_ev: float, width_px: int = 1024
 ) -> NDArray[np.uint8]:
-    """Return the map as (width/2, width, 3) sRGB with a ring at each light, blue for key lights.
+    """Return the map as (width/2, width, 3) sRGB with its marks, and a ring at each light."""
+    return with_lights(marked(environment, exposure_ev, (width_px, width_px // 2)), lights)
 
-    A pixel is magenta if any of its cells is clipped, and hatched grey if most are unseen; the area
-    of a ring is proportional to its light's share of the irradiance of all lights, within the
-    limits of what can be seen. A thin line is the edge of the disc that a light stands for. Of the
-    fill, which comes from everywhere, nothing is drawn.
+
+def with_lights(picture: NDArray[np.uint8], lights: LightSet) -> NDArray[np.uint8]:
+    """Return the picture of a map, (N, 2N, 3) sRGB, with a ring at each light, blue for key lights.
+
+    The area of a ring is proportional to its light's share of the irradiance of all lights, within
+    the limits of what can be seen. A thin line is the edge of the disc that a light stands for. Of
+    the fill, which comes from everywhere, nothing is drawn.
     """
-    size_px = (width_px, width_px // 2)
-    picture = marked(environment, exposure_ev, size_px)
-    scale = size_px[1] / environment.height
-    centres = (direction_to_grid(lights.directions, environment.height) + 0.5) * scale - 0.5
+    picture = picture.copy()
+    height, width = picture.shape[:2]
+    centres = direction_to_grid(lights.directions, height)
     power = lights.irradiance.sum(axis=1)
     share = power / max(power.sum(), np.finfo(float).tiny)
-    radii_px = np.clip(0.06 * width_px * np.sqrt(share), 3, 0.06 * width_px)
+    radii_px = np.clip(0.06 * width * np.sqrt(share), 3, 0.06 * width)
     colours = [KEY_RGB if is_key else LIGHT_RGB for is_key in lights.is_key]
     _draw_edges(picture, lights, colours)
     for radius_px, (x, y), light_rgb in zip(radii_px, centres, colours, strict=True):
         for colour, thickness in ((OUTLINE_RGB, 3), (light_rgb, 1)):
-            for turn_px in (-width_px, 0, width_px):  # across the seam it goes on at the other edge
+            for turn_px in (-width, 0, width):  # across the seam it goes on at the other edge
                 _ring(picture, (x + turn_px, y), float(radius_px), colour, thickness)
     return picture
 
