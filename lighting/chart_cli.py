@@ -10,6 +10,7 @@ from capture.progress import progress
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import read_environment
 from lighting.measures import chart
+from lighting.measures.known import write_known
 from lighting.reduce import METHODS
 from lighting.simulation.outdoors import outdoors
 from lighting.simulation.sequences import SEQUENCES
@@ -72,7 +73,7 @@ def chart_lights(
         errors = [row for row in progress(on_maps, "errors", jobs) if row]
         flickers = [row for row in progress(on_sequences, "flicker", flicker_jobs) if row]
     finally:  # an interrupted run is not measured again either
-        chart.write_known(known_path, known)
+        write_known(known_path, known)
 
     write_text(table, chart.as_csv(errors + flickers))
     points = chart.points_of(errors, flickers)

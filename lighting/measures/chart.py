@@ -14,7 +14,6 @@ Fails  : times of a busy machine are too long, each by another factor.
 import csv
 import hashlib
 import io
-import platform
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -27,10 +26,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.errors import InputError
-from capture.output import write_json
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
+from lighting.measures import known as known_results
 from lighting.measures.error_measures import behind_occluders, errors, truth
 from lighting.measures.peers import Peer, installed_peers
 from lighting.reduce import ADAPTIVE, METHODS, reduce_next
@@ -77,10 +75,6 @@ class Point:
     errors: Mapping[str, float]
 
 
-class _File(msgspec.Struct):
-    measurements: dict[str, Measurement]
-
-
 def systems() -> tuple[dict[str, System], list[str]]:
     """Return all methods and installed peers by name, and the names of peers not installed."""
     peers, missing = installed_peers()
@@ -111,34 +105,10 @@ def measure(
     for map_name, environment in maps.items():
         digest = hashlib.sha256(environment.radiance.tobytes()).hexdigest()[:16]
         measured = _on_map(map_name, environment, compared)
-        for found in remembered(measured, digest, compared, counts, known):
+        for found in known_results.remembered(
+            measured, f"{lighting_digest()} {digest}", compared, counts, known, _SLOW_S
+        ):
             yield found and msgspec.structs.replace(found, map_name=map_name)
-
-
-def remembered(
-    measured: Callable[[str, int], Measurement],
-    digest: str,
-    names: Iterable[str],
-    counts: Sequence[int],
-    known: dict[str, Measurement],
-    slow_s: float = _SLOW_S,
-) -> Iterator[Measurement | None]:
-    """Yield what `measured` makes of each name and count, from `known` or for it.
-
-    A name that takes longer than `slow_s` gets None for all larger counts. `digest` tells what is
-    measured; what tells versions of fishlight apart is added to it.
-    """
-    for name in names:
-        is_slow = False
-        for count in counts:
-            if is_slow:
-                yield None
-                continue
-            key = f"{_code_digest()} {digest} {name} {count}"
-            if key not in known:
-                known[key] = measured(name, count)
-            is_slow = known[key].ms > 1e3 * slow_s
-            yield known[key]
 
 
 def points_of(
@@ -198,20 +168,8 @@ def as_csv(measurements: Sequence[Measurement]) -> str:
 
 
 def read_known(path: Path) -> dict[str, Measurement]:
-    """Return earlier results of this code from a file of `write_known`, none if it is not there."""
-    try:
-        found = msgspec.json.decode(path.read_bytes(), type=_File).measurements
-    except FileNotFoundError:
-        return {}
-    except (OSError, msgspec.DecodeError) as error:
-        raise InputError(f"{path}: not a file of earlier results ({error}); remove it") from error
-    # Or the file would grow with every version.
-    return {key: row for key, row in found.items() if key.startswith(_code_digest())}
-
-
-def write_known(path: Path, known: dict[str, Measurement]) -> None:
-    """Write results for later runs, whole or not at all."""
-    write_json(path, _File(known))
+    """Return earlier results of this code from a file of `known.write_known`."""
+    return known_results.read_known(path, Measurement, lighting_digest())
 
 
 def _complete_groups(
@@ -283,10 +241,6 @@ def _lights_of(
     return LightSet(*peer(environment, count)), None
 
 
-@cache
-def _code_digest() -> str:
-    """Return what tells versions of lighting, and machines, apart."""
-    digest = hashlib.sha256(platform.node().encode())
-    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
+def lighting_digest() -> str:
+    """Return what results of this code begin with."""
+    return known_results.code_digest(Path(__file__).parents[1])

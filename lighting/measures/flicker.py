@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.maps.environment import EnvironmentMap
-from lighting.measures.chart import FLICKER, Measurement, System, remembered
+from lighting.measures.chart import FLICKER, Measurement, System, lighting_digest
 from lighting.measures.error_measures import received, received_from_map, standard_receivers
+from lighting.measures.known import remembered
 from lighting.measures.steadiness import excess_change
 from lighting.simulation.sequences import Sequence as SkySequence
 from lighting.simulation.sequences import frames
@@ -43,7 +44,8 @@ def measure(
     """Yield a measurement of each sequence, system and count, as `chart.measure` does of maps."""
     for name, sequence in sequences.items():
         measured = _on_sequence(name, sequence, compared)
-        yield from remembered(measured, name, compared, counts, known, _SLOW_S)
+        digest = f"{lighting_digest()} {name}"
+        yield from remembered(measured, digest, compared, counts, known, _SLOW_S)
 
 
 def _on_sequence(

@@ -19,6 +19,7 @@ from lighting.measures.error_measures import (
     standard_receivers,
     truth,
 )
+from lighting.measures.known import code_digest, write_known
 from lighting.measures.themes import THEMES
 from lighting.reduce import ADAPTIVE, METHODS, reduce_to_lights
 from lighting.simulation.sequences import SEQUENCES, frames
@@ -93,7 +94,7 @@ def test_what_is_known_is_not_measured_again(tmp_path):
     first = list(chart.measure(maps, {"cells": system}, [4, 8], known))
     calls = system.calls
     assert calls > 2  # each is repeated
-    chart.write_known(tmp_path / "known.json", known)
+    write_known(tmp_path / "known.json", known)
     known = chart.read_known(tmp_path / "known.json")
     assert list(chart.measure(maps, {"cells": system}, [4, 8], known)) == first
     assert system.calls == calls
@@ -115,8 +116,8 @@ def test_changed_code_is_measured_again_and_replaces_what_was(monkeypatch, tmp_p
     system, known, maps = Counted(), {}, {"m": outdoors(8)}
     list(chart.measure(maps, {"cells": system}, [4], known))
     calls = system.calls
-    chart.write_known(tmp_path / "known.json", known)
-    monkeypatch.setattr(chart, "_code_digest", lambda: "newer")
+    write_known(tmp_path / "known.json", known)
+    monkeypatch.setattr(chart, "lighting_digest", lambda: "newer")
     list(chart.measure(maps, {"cells": system}, [4], known))
     assert system.calls > calls
     assert chart.read_known(tmp_path / "known.json") == {}
@@ -125,7 +126,7 @@ def test_changed_code_is_measured_again_and_replaces_what_was(monkeypatch, tmp_p
 def test_all_of_lighting_is_code_that_results_depend_on(monkeypatch):
     read = set()
     monkeypatch.setattr(Path, "read_bytes", lambda path: read.add(path.name) or b"")
-    chart._code_digest.__wrapped__()
+    code_digest.__wrapped__(Path(chart.__file__).parents[1])
     assert {"reduce.py", "cell_tree.py", "penrose.py", "chart.py"} <= read
 
 
