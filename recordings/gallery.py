@@ -16,7 +16,6 @@ from capture.recording import open_recording
 from lighting.maps.remap import apply_remap, build_remap
 from lighting.reduce import reduce_to_lights
 from render.baked.renderer import BakedRenderer
-from render.opengl.context import create_context
 from render.output.preview import preview
 from render.output.view import auto_exposure_ev, to_display
 from render.scenes.default_scene import default_scene
@@ -39,7 +38,7 @@ def strip(recording_folder: Path, position: int) -> NDArray[np.uint8]:
     environment = apply_remap(build_remap(calibration, 512), image)
     lights = reduce_to_lights(environment, LIGHTS)
     scene, camera = default_scene()
-    with create_context() as context, BakedRenderer(context, scene, camera, 2) as renderer:
+    with BakedRenderer(scene, camera, 2) as renderer:
         radiance = renderer.render(lights, environment, through_ground=True)
     exposure_ev = auto_exposure_ev(radiance)
     longest = max(bracket.frames, key=lambda frame: frame.exposure.signal)

@@ -32,9 +32,8 @@ from lighting.maps.environment import EnvironmentMap
 from lighting.maps.remap import apply_remap, build_remap
 from lighting.reduce import BLOCK_METHODS
 from lighting.stream.light_stream import LightPlan, StreamMemory, next_lights
-from render.baked.renderer import BakedRenderer
-from render.opengl.context import create_context, describe
 from render.replay_folder import ReplayFolder, check_output, write_session
+from render.scene_renderer import SceneRenderer
 from render.scenes.scene import Camera, Scene
 from render.session import Counters, StageClock, run_session
 
@@ -49,8 +48,6 @@ class ReplaySummary:
     ----------
     counters : Counters
     clock : StageClock
-    gl : str
-        Renderer and version of the OpenGL context.
     light_counts : tuple of int
         Lights that each bracket was reduced to.
     predicted_errors : tuple of float
@@ -63,7 +60,6 @@ class ReplaySummary:
 
     counters: Counters
     clock: StageClock
-    gl: str
     light_counts: tuple[int, ...]
     predicted_errors: tuple[float, ...]
     clipped_count: int
@@ -118,8 +114,6 @@ def replay(
     InputError
         If the recording or calibration cannot be used, none of its brackets can be read, or
         `output` holds something else.
-    GlUnavailable
-        If there is no OpenGL context.
     """
     check_output(output, force=force)
     recording = open_recording(recording_folder)
@@ -137,11 +131,9 @@ def replay(
     clipped_count = 0
     failures: list[str] = []
     with (
-        create_context() as context,
-        BakedRenderer(context, scene, camera) as renderer,
+        SceneRenderer(still_pictures=0) as renderer,
         ReplayFolder(output, camera.size_px, frame_rate_hz(recording)) as folder,
     ):
-        gl = describe(context)
 
         def process(bracket: Bracket, clock: StageClock, counters: Counters) -> None:
             nonlocal memory, took_ms, clipped_count
@@ -168,7 +160,9 @@ def replay(
                 predicted_errors.append(lights.predicted_error)
             clipped_count += bool(view.clipped.any())
             with clock.stage("render"):
-                radiance = renderer.render(lights, environment, through_ground=through_ground)
+                radiance = renderer.render(
+                    scene, camera, lights, environment, through_ground=through_ground
+                )
             counters.rendered += 1
             took_ms = clock.frames[-1]["lights"] + clock.frames[-1]["render"]
             with clock.stage("write"):
@@ -186,7 +180,6 @@ def replay(
     summary = ReplaySummary(
         counters,
         clock,
-        gl,
         tuple(light_counts),
         tuple(predicted_errors),
         clipped_count,
@@ -228,7 +221,6 @@ def capture_to_lights_ms(clock: StageClock) -> float:
 def write_timings(path: Path, summary: ReplaySummary, *, force: bool = False) -> None:
     """Write what each frame cost in each stage as JSON."""
     content = {
-        "gl": summary.gl,
         "stages": stage_times_ms(summary.clock),
         "frames": [
             {stage: round(ms, 3) for stage, ms in frame.items()} for frame in summary.clock.frames
@@ -255,5 +247,4 @@ def _account(summary: ReplaySummary) -> dict[str, Any]:
         "median_predicted_error": summary.median_predicted_error,
         "clipped_brackets": summary.clipped_count,
         "failures": summary.failures,
-        "gl": summary.gl,
     }

@@ -121,4 +121,4 @@ def _report(summary: ReplaySummary, output: Path) -> None:
     if times:
         stages = ", ".join(f"{name} {stage['median_ms']:.1f}" for name, stage in times.items())
         to_lights_ms = capture_to_lights_ms(summary.clock)
-        print(f"median ms: {stages}; capture to lights {to_lights_ms:.1f}  [{summary.gl}]")
+        print(f"median ms: {stages}; capture to lights {to_lights_ms:.1f}")

@@ -14,7 +14,6 @@ Fails  : the picture changes a little where renderers change: their errors are n
 from types import TracebackType
 from typing import Self
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,15 +31,12 @@ class SceneRenderer:
 
     Parameters
     ----------
-    context : moderngl.Context or None
-        Without OpenGL everything is drawn as if it moved.
     still_pictures : int
         How many pictures of the same scene and camera are drawn before their transport is traced.
         With 0 it is traced at once: for those who know that nothing will move.
     """
 
-    def __init__(self, context: moderngl.Context | None, still_pictures: int) -> None:
-        self._context = context
+    def __init__(self, still_pictures: int) -> None:
         self._still_pictures = still_pictures
         self._moving: MovingRenderer | None = None
         self._baked: BakedRenderer | None = None
@@ -72,8 +68,10 @@ class SceneRenderer:
         camera: Camera,
         lights: LightSet,
         background: EnvironmentMap | None = None,
+        *,
+        through_ground: bool = False,
     ) -> NDArray[np.float32]:
-        """Return the picture, as `Renderer.render` does.
+        """Return the picture, as `BakedRenderer.render` does.
 
         A scene or camera stands still while it is the same object.
         """
@@ -82,11 +80,11 @@ class SceneRenderer:
             if self._baked is not None:
                 self._baked.release()
                 self._baked = None
-        if self._context is not None and self._count >= self._still_pictures:
-            self._baked = self._baked or BakedRenderer(self._context, scene, camera)
-            return self._baked.render(lights, background)
+        if self._count >= self._still_pictures:
+            self._baked = self._baked or BakedRenderer(scene, camera)
+            return self._baked.render(lights, background, through_ground=through_ground)
         self._count += 1
         if self._moving is None:
             self._moving = MovingRenderer(scene, camera)
         self._moving.move(scene, camera)
-        return self._moving.render(lights, background)
+        return self._moving.render(lights, background, through_ground=through_ground)

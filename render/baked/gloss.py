@@ -14,7 +14,6 @@ Fails  : a ray that meets an object returns nothing: no object is seen in anothe
 References
 ----------
 .. [1] J. Křivánek, M. Colbert, "Real-time Shading with Filtered Importance Sampling", EGSR 2008.
-.. [2] E. Heitz, "Sampling the GGX Distribution of Visible Normals", JCGT 7(4), 2018.
 """
 
 import math
@@ -26,7 +25,7 @@ from numpy.typing import NDArray
 
 from render.lights.map_pyramid import MapPyramid, mean_around
 from render.rays.embree import PACKET, occluded16, packet
-from render.rays.tangent_frame import tangent_frame
+from render.rays.lobe import lobe_points, lobe_ray, meets
 
 _FLOATS = NDArray[np.float32]
 
@@ -36,9 +35,6 @@ ROUGH_ALPHA = 0.1
 RAYS = 24
 """Rays of a lobe."""
 
-_OVERLAP = 0.7
-"""What a ray looks up, over the share that it stands for, by solid angle: the pyramid's cells, and
-that they are weighed between, widen it."""
 _FAR_M = 1e30
 _STOPPED, _TO_SKY, _TO_GROUND = 0, 1, 2
 
@@ -77,9 +73,7 @@ def trace_gloss(
     tiles, _, samples = surface.shape
     rays = np.zeros((tiles, RAYS, 5, samples), np.float32)
     met = np.zeros((tiles, RAYS, samples), np.uint8)
-    step = np.arange(RAYS) + 0.5
-    points = np.stack([step / RAYS, step * (3 - math.sqrt(5)) / 2 % 1], axis=-1)  # a golden spiral
-    _trace(function, scene, sphere, surface, points, has_ground, rays, met)
+    _trace(function, scene, sphere, surface, lobe_points(RAYS), has_ground, rays, met)
     return GlossRays(rays, met)
 
 
@@ -124,9 +118,11 @@ def _trace(
             for r in range(points.shape[0]):
                 for i in range(PACKET):
                     at = first + i
-                    x, y, z, weight, c5, share = _reflected(part, i, points[r, 0], points[r, 1])
+                    x, y, z, weight, c5, share = lobe_ray(
+                        part, i, points[r, 0], points[r, 1], points.shape[0]
+                    )
                     rays[4, i], rays[5, i], rays[6, i], rays[8, i] = x, y, z, _FAR_M
-                    valid[i] = -np.int32(weight > 0 and _meets(part, i, x, y, z, sphere))
+                    valid[i] = -np.int32(weight > 0 and meets(part, i, x, y, z, sphere))
                     kind = _TO_GROUND if has_ground and y < 0 else _TO_SKY
                     by_cells = kind == _TO_SKY and part[12, i] >= ROUGH_ALPHA**2
                     met[tile, r, at] = _STOPPED if weight <= 0 or by_cells else kind
@@ -140,65 +136,6 @@ def _trace(
                 for i in range(PACKET):
                     if rays[8, i] < 0:
                         met[tile, r, first + i] = _STOPPED
-
-
-@njit(nogil=True)
-def _meets(
-    part: _FLOATS, i: int, x: float, y: float, z: float, sphere: _FLOATS
-) -> bool:  # pragma: no cover - compiled
-    dx, dy, dz = sphere[0] - part[0, i], sphere[1] - part[1, i], sphere[2] - part[2, i]
-    along = dx * x + dy * y + dz * z
-    off2 = dx * dx + dy * dy + dz * dz - along * along
-    return bool(off2 < sphere[3] ** 2 and along > -sphere[3])
-
-
-@njit(nogil=True)
-def _reflected(
-    part: _FLOATS, i: int, a: float, b: float
-) -> tuple[float, float, float, float, float, float]:  # pragma: no cover - compiled
-    """Return ray (a, b) of sample i's lobe: its direction (x, y, z), G₂/G₁, (1 − v·h)⁵, and sr.
-
-    It is the mirror image of the view in a visible normal, drawn as in [2]_.
-    """
-    nx, ny, nz = part[3, i], part[4, i], part[5, i]
-    tx, ty, tz, bx, by, bz = tangent_frame(nx, ny, nz)
-    ex, ey, ez = part[9, i], part[10, i], part[11, i]
-    vx, vy = ex * tx + ey * ty + ez * tz, ex * bx + ey * by + ez * bz
-    vz = max(ex * nx + ey * ny + ez * nz, 1e-4)
-    alpha2 = max(part[12, i], 1e-12)
-    alpha = math.sqrt(alpha2)
-
-    sx, sy, sz = alpha * vx, alpha * vy, vz
-    length = math.sqrt(sx * sx + sy * sy + sz * sz)
-    sx, sy, sz = sx / length, sy / length, sz / length
-    across = math.sqrt(sx * sx + sy * sy)
-    ux, uy = (-sy / across, sx / across) if across > 1e-7 else (1.0, 0.0)
-    wx, wy, wz = -sz * uy, sz * ux, sx * uy - sy * ux
-    radius, turn = math.sqrt(a), 2 * math.pi * b
-    t1 = radius * math.cos(turn)
-    s = 0.5 * (1 + sz)
-    t2 = (1 - s) * math.sqrt(max(1 - t1 * t1, 0.0)) + s * radius * math.sin(turn)
-    t3 = math.sqrt(max(1 - t1 * t1 - t2 * t2, 0.0))
-    hx = alpha * (t1 * ux + t2 * wx + t3 * sx)
-    hy = alpha * (t1 * uy + t2 * wy + t3 * sy)
-    hz = max(t2 * wz + t3 * sz, 1e-9)
-    length = math.sqrt(hx * hx + hy * hy + hz * hz)
-    hx, hy, hz = hx / length, hy / length, hz / length
-
-    v_h = vx * hx + vy * hy + vz * hz
-    lx, ly, lz = 2 * v_h * hx - vx, 2 * v_h * hy - vy, 2 * v_h * hz - vz
-    x = lx * tx + ly * bx + lz * nx
-    y = lx * ty + ly * by + lz * ny
-    z = lx * tz + ly * bz + lz * nz
-    facing = x * part[6, i] + y * part[7, i] + z * part[8, i]
-    g_v = math.sqrt(alpha2 + (1 - alpha2) * vz * vz)
-    spread = (hx * hx + hy * hy) + alpha2 * hz * hz
-    density = alpha2 / (math.pi * spread * spread) / (2 * (vz + g_v))  # D G₁ / (4 n·v)
-    share = _OVERLAP / (RAYS * density)
-    if part[12, i] <= 0 or lz <= 0 or facing <= 0:
-        return x, y, z, 0.0, 0.0, share
-    g_l = math.sqrt(alpha2 + (1 - alpha2) * lz * lz)
-    return x, y, z, lz * (vz + g_v) / (vz * g_l + lz * g_v), (1 - v_h) ** 5, share
 
 
 @njit(cache=True, nogil=True, parallel=True)

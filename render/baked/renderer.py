@@ -5,18 +5,16 @@ light) is traced once. A frame is then a product: transport × light, at any num
 
 Input  : a scene, a camera and LightSets.    Output : linear radiance, in the lights' scale.
 Cost   : tracing, seconds; a frame, see tests/benchmarks/render.py; memory, a byte per sample and
-         cell, and 500 for a sample that mirrors. A narrow light that moves is traced anew.
+         cell, and 500 for a sample that mirrors. A narrow light that moves costs its rays.
 Fails  : light within a cell comes from all of it, so shadows of lights that are no narrower blur by
          up to a cell (9° across). What mirrors shows the map, and no other object (gloss.py,
          tests/limits/test_render_baked_gloss.py).
 """
 
 import math
-from dataclasses import replace
 from types import TracebackType
 from typing import Self
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,12 +29,15 @@ from render.baked.direction_cells import (
     spread_over_cells,
 )
 from render.baked.gloss import ROUGH_ALPHA, add_reflections, trace_gloss
+from render.baked.narrow import NarrowLights
 from render.baked.surface_samples import mirror_tint, surface_samples
-from render.baked.transport import NarrowLight, Transport
+from render.baked.transport import Transport
 from render.baked.transport_kernel import TILE, place, trace_transport
 from render.lights.light_map import map_of_lights
 from render.lights.map_pyramid import map_pyramid
+from render.lights.narrow_lights import PEAK_RAD, narrow_lights
 from render.lights.reaching_lights import reaching_lights
+from render.moving.shared_rays import DEFAULT_EFFORT, Discs, SharedRays
 from render.rays.background import (
     look_through,
     look_up,
@@ -44,24 +45,16 @@ from render.rays.background import (
     picture_rays,
     with_ground,
 )
-from render.rays.embree import Occluders, occluded16_address
-from render.scenes.casters import gather_casters
+from render.rays.embree import occluded16_address
+from render.rays.first_hits import empty_surfaces, in_picture
+from render.rays.traced_scene import TracedScene
 from render.scenes.scene import Camera, Scene
 
 Array = NDArray[np.float64]
 
-NARROW_LIGHTS = 8
-NARROW_SHARE = 0.02
-"""Lights no wider than two cells that give at least this share of the light keep shadows of their
-own, the strongest first and no more than so many."""
-
 _CELL_RAYS_SIDE = 2  # rays per cell and sample, per axis
 _DISC_RAYS = (4, 16)
 _DISC_RAYS_PER_RAD = 140.0  # 4 for the sun, 16 from a radius of 5° on
-_STILL = 0.25  # of a narrow light's radius: it moves by less without being traced anew
-_STILL_LEAST_RAD = 1e-3
-_PEAK_RAD = np.radians(2.5)
-"""A narrow light up to this radius is a peak of the map, whose reflection is drawn by itself."""
 _LEAST_ALPHA = 0.01
 _CELL_ROWS = 128
 
@@ -69,31 +62,26 @@ _CELL_ROWS = 128
 class BakedRenderer:
     """Draws one scene from one camera under any light sets, from transport traced beforehand.
 
-    Needs OpenGL only while it is made. Owns Embree's memory: use it as a context manager.
+    Owns Embree's memory: use it as a context manager.
 
     Parameters
     ----------
-    context : moderngl.Context
     scene : Scene
     camera : Camera
     samples_per_axis : int
         Each pixel is the mean of its square of samples.
     """
 
-    def __init__(
-        self, context: moderngl.Context, scene: Scene, camera: Camera, samples_per_axis: int = 1
-    ) -> None:
+    def __init__(self, scene: Scene, camera: Camera, samples_per_axis: int = 1) -> None:
         self._scene = scene
         self._camera = camera
         self._samples_per_axis = samples_per_axis
         width, height = (samples_per_axis * length for length in camera.size_px)
         self._shape = height, width
-        casters = gather_casters(scene.meshes)
-        faces = np.concatenate([casters.closed_faces, casters.open_faces])
-        self._occluders = Occluders(casters.positions, faces)
-        self._sphere = np.array([*casters.centre, casters.radius_m], np.float32)
-
-        seen = surface_samples(context, scene, camera, (width, height), casters.radius_m)
+        self._traced = TracedScene(scene)
+        self._surfaces = empty_surfaces((width, height))
+        self._traced.find_surfaces(camera, (width, height), self._surfaces)
+        seen = surface_samples(self._traced, camera, in_picture(self._surfaces, (width, height)))
         self._samples, self._surface, self._matt = seen.samples, seen.surface, seen.matt
         self._f0, self._f90 = seen.f0, seen.f90
         self._roughest = self._surface[:, 12].max(axis=1)
@@ -104,12 +92,12 @@ class BakedRenderer:
         self._sky = self._trace(coarse.points, from_alpha=ROUGH_ALPHA)
         self._gloss = trace_gloss(
             occluded16_address(),
-            self._occluders.address,
-            self._sphere,
+            self._traced.address,
+            self._traced.sphere,
             self._surface[self._mirroring],
             scene.ground is not None,
         )
-        self._narrow: list[NarrowLight] = []
+        self._narrow, self._rays = NarrowLights(self._trace_light), SharedRays(DEFAULT_EFFORT)
 
         rays = picture_rays(camera, (width, height)).reshape(-1, 3)
         self._unseen, self._ground = np.flatnonzero(~seen.hit), np.flatnonzero(seen.ground)
@@ -129,7 +117,7 @@ class BakedRenderer:
 
     def release(self) -> None:
         """Free Embree's memory."""
-        self._occluders.release()
+        self._traced.release()
 
     def render(
         self,
@@ -145,7 +133,7 @@ class BakedRenderer:
         stand in the room.
         """
         directions, irradiance, radius_rad = reaching_lights(lights, self._scene)
-        narrow = self._narrow_lights(irradiance, radius_rad)
+        narrow = narrow_lights(irradiance, radius_rad, self._cells.width_rad)
         wide = ~narrow
         light = spread_over_cells(self._cells, directions[wide], irradiance[wide], radius_rad[wide])
         light += np.maximum(self._basis @ lights.fill, 0.0) * self._cells.solid_angle_sr
@@ -156,7 +144,7 @@ class BakedRenderer:
         of_map, mirrored = np.zeros_like(light), np.zeros_like(irradiance)
         if len(self._mirroring):
             shown = map_of_lights(lights, _CELL_ROWS) if background is None else background
-            peaks = narrow & (radius_rad <= _PEAK_RAD)
+            peaks = narrow & (radius_rad <= PEAK_RAD)
             of_map, mirrored[peaks] = self._reflect(
                 shown,
                 LightSet(directions[peaks], irradiance[peaks], radius_rad[peaks]),
@@ -164,10 +152,15 @@ class BakedRenderer:
                 picture,
             )
         self._sky.add(light, of_map, picture)
-        self._remember(directions[narrow], irradiance[narrow], radius_rad[narrow], mirrored[narrow])
-        for each in self._narrow:
-            each.transport.add(each.irradiance[None], each.mirrored[None], picture)
-        return self._assembled(picture, background, ground if through_ground else None)
+        discs = Discs(directions, irradiance, radius_rad, mirrored).taken(narrow)
+        traced, moving = self._narrow.follow(discs)
+        for index, transport in traced:
+            transport.add(discs.irradiance[[index]], discs.mirrored[[index]], picture)
+        out = self._placed(picture)
+        if moving.any():
+            power = float((irradiance.sum(axis=0) + light.sum(axis=0)) @ LUMINANCE_WEIGHTS)
+            self._add_moving(discs.taken(moving), power, out)
+        return self._assembled(out, background, ground if through_ground else None)
 
     def _unshaded(self, light: Array, directions: Array, irradiance: Array) -> NDArray[np.float32]:
         """Return the radiance (3,) of the ground where nothing shades it."""
@@ -215,8 +208,8 @@ class BakedRenderer:
         mirror_step = np.zeros((len(mirroring), TILE), np.float32)
         trace_transport(
             occluded16_address(),
-            self._occluders.address,
-            self._sphere,
+            self._traced.address,
+            self._traced.sphere,
             self._surface,
             points.astype(np.float32),
             from_alpha**2,
@@ -231,49 +224,37 @@ class BakedRenderer:
         mirror_scale = mirror_tint(self._f0[mirroring]) * mirror_step[:, None]
         return Transport(matt, matt_scale, mirroring, mirror, mirror_scale)
 
-    def _narrow_lights(self, irradiance: Array, radius_rad: Array) -> NDArray[np.bool_]:
-        """Return which lights (K,) keep shadows of their own."""
-        power = irradiance @ LUMINANCE_WEIGHTS
-        strong = (power >= NARROW_SHARE * power.sum()) & (radius_rad < self._cells.width_rad)
-        chosen = np.argsort(-power * strong, kind="stable")[:NARROW_LIGHTS]
-        narrow = np.zeros(len(power), np.bool_)
-        narrow[chosen] = strong[chosen]
-        return narrow
+    def _trace_light(self, direction: Array, radius_rad: float) -> Transport:
+        """Trace the transport of a narrow light."""
+        rays = int(np.clip(_DISC_RAYS[0] + _DISC_RAYS_PER_RAD * radius_rad, *_DISC_RAYS))
+        apart = max(radius_rad / math.sqrt(rays), _LEAST_ALPHA)
+        return self._trace(disc_points(direction, radius_rad, rays)[None], least_alpha=apart)
 
-    def _remember(
-        self, directions: Array, irradiance: Array, radius_rad: Array, mirrored: Array
-    ) -> None:
-        """Set the narrow lights, tracing those that are not where one was."""
-        before, self._narrow = self._narrow, []
-        for direction, power, radius, reflected in zip(
-            directions, irradiance, radius_rad, mirrored, strict=True
-        ):
-            still_rad = max(_STILL * radius, _STILL_LEAST_RAD)
-            same = (each for each in before if each.is_near(direction, radius, still_rad))
-            found = next(same, None)
-            if found is None:
-                rays = int(np.clip(_DISC_RAYS[0] + _DISC_RAYS_PER_RAD * radius, *_DISC_RAYS))
-                apart = max(radius / math.sqrt(rays), _LEAST_ALPHA)
-                transport = self._trace(
-                    disc_points(direction, radius, rays)[None], least_alpha=apart
-                )
-                found = NarrowLight(direction, float(radius), power, reflected, transport)
-            self._narrow.append(replace(found, irradiance=power, mirrored=reflected))
+    def _placed(self, picture: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return samples (tiles, 3, TILE) as a picture (H, W, 4)."""
+        out = np.zeros((*self._shape, 4), np.float32)
+        place(picture, self._samples, out.reshape(-1, 4))
+        return out
+
+    def _add_moving(self, lights: Discs, power: float, out: NDArray[np.float32]) -> None:
+        """Add lights that are not worth tracing to a picture (H, W, 4), by rays of this one."""
+        pixel_rad = 2 * self._camera.half_extent()[1] / self._shape[0]
+        self._rays.add(
+            self._traced, self._surfaces, self._camera.eye, pixel_rad, lights, power, out
+        )
 
     def _assembled(
         self,
-        picture: NDArray[np.float32],
+        out: NDArray[np.float32],
         background: EnvironmentMap | None,
         unshaded: NDArray[np.float32] | None,
     ) -> NDArray[np.float32]:
         height, width = self._shape
-        out = np.zeros((height * width, 4), np.float32)
-        place(picture, self._samples, out)
         if background is not None:
-            radiance = np.ascontiguousarray(background.radiance)
-            look_up(radiance, self._unseen_at, self._unseen, out)
+            flat, radiance = out.reshape(-1, 4), np.ascontiguousarray(background.radiance)
+            look_up(radiance, self._unseen_at, self._unseen, flat)
             if unshaded is not None:
-                look_through(radiance, self._ground_at, self._ground, unshaded, out)
+                look_through(radiance, self._ground_at, self._ground, unshaded, flat)
         n = self._samples_per_axis
         samples = out.reshape(height // n, n, width // n, n, 4)
         return samples[:, 0, :, 0] if n == 1 else samples.mean(axis=(1, 3), dtype=np.float32)

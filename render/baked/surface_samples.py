@@ -1,22 +1,33 @@
 """What the samples of a picture show, in tiles as the kernels of baked transport take them.
 
-Input  : a G-buffer.    Output : arrays (tiles, …, TILE) in float32.
+Input  : what rays found.    Output : arrays (tiles, …, TILE) in float32.
 """
 
 from dataclasses import dataclass
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.maps.environment import LUMINANCE_WEIGHTS
 from render.baked.transport_kernel import TILE
-from render.opengl.gbuffer import GBuffer
-from render.scenes.scene import Camera, Scene
+from render.rays.first_hits import (
+    ALPHA2,
+    F0,
+    F90,
+    FACE_NORMAL,
+    FIELDS,
+    GROUND,
+    KIND,
+    MATT,
+    NORMAL,
+    NOTHING,
+    POSITION,
+)
+from render.rays.traced_scene import TracedScene
+from render.scenes.scene import Camera
 
 _FLOATS = NDArray[np.float32]
 
-_OFFSET = 1e-4  # of the casters' radius: rays start that far off their surface
 _LEAST_ALPHA2 = 1e-10
 
 
@@ -49,48 +60,16 @@ class SurfaceSamples:
     f90: _FLOATS
 
 
-def surface_samples(
-    context: moderngl.Context,
-    scene: Scene,
-    camera: Camera,
-    size_px: tuple[int, int],
-    radius_m: float,
-) -> SurfaceSamples:
-    """Return what the samples (width, height) of a picture show; `radius_m` is the casters'."""
-    seen = _read(context, scene, camera, size_px)
-    hit = seen["position_hit"][..., 3] > 0
-    samples = _in_tiles(hit)
-    values = {name: texture.reshape(-1, 4)[samples] for name, texture in seen.items()}
-    colours = (values["diffuse_reflectance"] / np.pi, values["f0"])
-    matt, f0 = (np.ascontiguousarray(each[..., :3].swapaxes(1, 2), np.float32) for each in colours)
-    surface = _surface(values, camera, radius_m)
-    f90 = np.ascontiguousarray(values["face_normal_f90"][..., 3])
-    return SurfaceSamples(hit, _ground(seen, scene, radius_m), samples, surface, matt, f0, f90)
-
-
-def _read(
-    context: moderngl.Context, scene: Scene, camera: Camera, size_px: tuple[int, int]
-) -> dict[str, NDArray[np.float32]]:
-    """Return the G-buffer's textures (H, W, 4), rows from the top."""
-    gbuffer = GBuffer(context, scene, camera, size_px)
-    width, height = size_px
-    seen = {
-        name: np.frombuffer(texture.read(), np.float32).reshape(height, width, 4)[::-1]
-        for name, texture in gbuffer.textures
-    }
-    gbuffer.release()
-    return seen
-
-
-def _ground(seen: dict[str, _FLOATS], scene: Scene, radius_m: float) -> NDArray[np.bool_]:
-    """Return the samples (H, W) that show the ground: a level face at its height."""
-    position, upward = seen["position_hit"], seen["face_normal_f90"][..., 1]
-    if scene.ground is None:
-        return np.zeros(upward.shape, np.bool_)
-    off_m = np.abs(position[..., 1] - scene.ground.y_m)
-    far_m = np.linalg.norm(position[..., :3], axis=-1)
-    is_level = (off_m <= _OFFSET * np.maximum(far_m, radius_m)) & (upward > 0.999)
-    return (position[..., 3] > 0) & is_level
+def surface_samples(traced: TracedScene, camera: Camera, seen: _FLOATS) -> SurfaceSamples:
+    """Return the samples of `seen`, (H, W, FIELDS) of first_hits, that show anything."""
+    kind = seen[..., KIND]
+    samples = _in_tiles(kind != NOTHING)
+    values = seen.reshape(-1, FIELDS)[samples]
+    colours = (values[..., MATT : MATT + 3], values[..., F0 : F0 + 3])
+    matt, f0 = (np.ascontiguousarray(each.swapaxes(1, 2)) for each in colours)
+    surface = _surface(values, camera, traced.offset_m)
+    f90 = np.ascontiguousarray(values[..., F90])
+    return SurfaceSamples(kind != NOTHING, kind == GROUND, samples, surface, matt, f0, f90)
 
 
 def _in_tiles(hit: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -101,19 +80,19 @@ def _in_tiles(hit: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.resize(samples, (-(-len(samples) // TILE), TILE))
 
 
-def _surface(values: dict[str, _FLOATS], camera: Camera, radius_m: float) -> _FLOATS:
+def _surface(values: _FLOATS, camera: Camera, offset_m: float) -> _FLOATS:
     """Return position, normals, view, α² (below 0 where nothing is mirrored) and f0."""
-    position, facing = values["position_hit"][..., :3], values["face_normal_f90"][..., :3]
+    position, facing = (values[..., at : at + 3] for at in (POSITION, FACE_NORMAL))
     toward_eye = camera.eye - position
     toward_eye /= np.linalg.norm(toward_eye, axis=-1, keepdims=True)
-    f0 = values["f0"][..., :3] @ LUMINANCE_WEIGHTS
-    alpha2 = values["normal_roughness"][..., 3] ** 4
+    f0 = values[..., F0 : F0 + 3] @ LUMINANCE_WEIGHTS
+    alpha2 = np.maximum(values[..., ALPHA2], _LEAST_ALPHA2)
     columns = [
-        position + _OFFSET * radius_m * facing,
-        values["normal_roughness"][..., :3],
+        position + offset_m * facing,
+        values[..., NORMAL : NORMAL + 3],
         facing,
         toward_eye,
-        np.where(f0 > 0, np.maximum(alpha2, _LEAST_ALPHA2), -1.0)[..., None],
+        np.where(f0 > 0, alpha2, -1.0)[..., None],
         f0[..., None],
     ]
     surface = np.concatenate(columns, axis=-1).swapaxes(1, 2)

@@ -33,19 +33,3 @@ class Transport:
             shown = np.zeros((len(self.mirroring), *picture.shape[1:]), np.float32)
             add_transported(self.mirror, self.mirror_scale, mirrored.astype(np.float32), shown)
             picture[self.mirroring] += shown
-
-
-@dataclass(frozen=True, eq=False)
-class NarrowLight:
-    """A narrow light and its transport."""
-
-    direction: Array
-    radius_rad: float
-    irradiance: Array
-    mirrored: Array
-    transport: Transport
-
-    def is_near(self, direction: Array, radius_rad: float, still_rad: float) -> bool:
-        """Whether a light is so like this one that its transport serves."""
-        chord = float(np.linalg.norm(direction - self.direction))
-        return chord < still_rad and abs(radius_rad - self.radius_rad) < still_rad

@@ -15,7 +15,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from render.moving.neighbours import average_visible, compare, find_turns, load_packet, low
-from render.moving.shadow_rays import CURVE, HALF, LOOSE, POINTS, SINE, SPREAD
+from render.moving.shadow_rays import CURVE, HALF, IRRADIANCE, LOOSE, MIRRORED, POINTS, SINE, SPREAD
 from render.rays.embree import PACKET, occluded16, packet
 from render.rays.first_hits import (
     ALPHA2,
@@ -28,6 +28,7 @@ from render.rays.first_hits import (
     LANES,
     MATT,
     NORMAL,
+    NOTHING,
     POSITION,
     SIDE,
 )
@@ -55,10 +56,10 @@ def add_lights(
     side: int,
     eye: _FLOATS,
     pixel_rad: float,
-    environment: _FLOATS,
+    rough_alpha2: float,
     picture: _FLOATS,
 ) -> None:  # pragma: no cover - compiled
-    """Fill `picture` (H, W, 4): radiance toward the eye, and 1 where a surface is seen.
+    """Add radiance toward the eye to `picture` (H, W, 4) where a surface is seen.
 
     Parameters
     ----------
@@ -69,13 +70,15 @@ def add_lights(
     eye : (3,) float32
     pixel_rad : float
         Angle between neighbouring pixels.
-    environment : (N, 2N, 3) float32
-        What is seen where no surface is.
+    rough_alpha2 : float
+        Surfaces from this α² on mirror all of a light's irradiance; smoother ones what its row
+        MIRRORED says, because something else shows them the rest.
     """
     for row in prange(1, surfaces.shape[0] - 1):
         _add_row(
             function, scene, sphere, np.float32(offset_m), surfaces, visible, lights, points,
-            is_soft, key_count, side, eye, np.float32(pixel_rad), environment, row, picture,
+            is_soft, key_count, side, eye, np.float32(pixel_rad), np.float32(rough_alpha2), row,
+            picture,
         )  # fmt: skip
 
 
@@ -94,7 +97,7 @@ def _add_row(
     side: int,
     eye: _FLOATS,
     pixel_rad: np.float32,
-    environment: _FLOATS,
+    rough_alpha2: np.float32,
     row: int,
     picture: _FLOATS,
 ) -> None:  # pragma: no cover - compiled
@@ -113,43 +116,32 @@ def _add_row(
         find_turns(x, y, side, near_of)
         for first in range(1, surfaces.shape[3] - 1, PACKET):
             is_hit = load_packet(surfaces[row], lane, first, part)
-            if is_hit:
-                compare(
-                    surfaces,
-                    row,
-                    x + low(x),
-                    y + low(y),
-                    1,
-                    SIDE,
-                    first,
-                    pixel_rad,
-                    eye,
-                    part,
-                    like,
-                )
+            if not is_hit:
+                continue
+            compare(
+                surfaces, row, x + low(x), y + low(y), 1, SIDE, first, pixel_rad, eye, part, like
+            )
             count = min(PACKET, (width - x + SIDE - 1) // SIDE - first + 1)
-            if is_hit:
-                _gather(
-                    visible, row, x, y, first, key_count, side, is_soft, near_of, like, known, seen
-                )
+            _gather(visible, row, x, y, first, key_count, side, is_soft, near_of, like, known, seen)
             for i in range(count):
                 column = SIDE * (first - 1 + i) + x
-                if not (is_hit and part[KIND, i] > 0):
-                    _look_up(
-                        environment,
-                        surfaces[row, lane, POSITION, first + i],
-                        surfaces[row, lane, POSITION + 1, first + i],
-                        surfaces[row, lane, POSITION + 2, first + i],
-                        line, column, picture,
-                    )  # fmt: skip
+                if part[KIND, i] == NOTHING:
                     continue
                 is_glossy = part[KIND, i] == GLOSSY
                 if is_glossy:
                     r, g, b, _, _, _, _, _, _ = _glossy(
-                        part, i, eye, lights, 0, key_count, known, seen
+                        part, i, eye, lights, rough_alpha2, 0, key_count, known, seen
                     )
                     rs, gs, bs, rk, gk, bk, rt, gt, bt = _glossy(
-                        part, i, eye, lights, key_count, lights.shape[1], known, seen
+                        part,
+                        i,
+                        eye,
+                        lights,
+                        rough_alpha2,
+                        key_count,
+                        lights.shape[1],
+                        known,
+                        seen,
                     )
                 else:
                     r, g, b, _, _, _, _, _, _ = _dull(part, i, lights, 0, key_count, known, seen)
@@ -163,16 +155,23 @@ def _add_row(
                     )  # fmt: skip
                     if is_glossy:
                         rs, gs, bs, rk, gk, bk, rt, gt, bt = _glossy(
-                            part, i, eye, lights, key_count, lights.shape[1], known, seen
+                            part,
+                            i,
+                            eye,
+                            lights,
+                            rough_alpha2,
+                            key_count,
+                            lights.shape[1],
+                            known,
+                            seen,
                         )
                     else:
                         rs, gs, bs, rk, gk, bk, rt, gt, bt = _dull(
                             part, i, lights, key_count, lights.shape[1], known, seen
                         )
-                picture[line, column, 0] = r + (rt * rs / rk if rk > 0 else np.float32(0))
-                picture[line, column, 1] = g + (gt * gs / gk if gk > 0 else np.float32(0))
-                picture[line, column, 2] = b + (bt * bs / bk if bk > 0 else np.float32(0))
-                picture[line, column, 3] = 1
+                picture[line, column, 0] += r + (rt * rs / rk if rk > 0 else np.float32(0))
+                picture[line, column, 1] += g + (gt * gs / gk if gk > 0 else np.float32(0))
+                picture[line, column, 2] += b + (bt * bs / bk if bk > 0 else np.float32(0))
 
 
 @njit(nogil=True, error_model="numpy")
@@ -308,6 +307,7 @@ def _glossy(
     i: int,
     eye: _FLOATS,
     lights: _FLOATS,
+    rough_alpha2: np.float32,
     start: int,
     stop: int,
     known: _FLOATS,
@@ -322,6 +322,7 @@ def _glossy(
     vx, vy, vz = vx * scale, vy * scale, vz * scale
     n_v = max(nx * vx + ny * vy + nz * vz, np.float32(1e-4))
     f90, alpha2 = part[F90, i], part[ALPHA2, i]
+    of = np.uint64(MIRRORED if alpha2 < rough_alpha2 else IRRADIANCE)
     f0r, f0g, f0b = part[F0, i], part[F0 + 1, i], part[F0 + 2, i]
     mr, mg, mb = part[MATT, i], part[MATT + 1, i], part[MATT + 2, i]
     rs = gs = bs = rk = gk = bk = rt = gt = bt = zero
@@ -351,35 +352,13 @@ def _glossy(
         c = one - v_h
         c5 = c * c * c * c * c
         r, g, b = f0r + (f90 - f0r) * c5, f0g + (f90 - f0g) * c5, f0b + (f90 - f0b) * c5
-        red = shown * lights[3, k] * ((one - r) * mr * level + r * mirrored)
-        green = shown * lights[4, k] * ((one - g) * mg * level + g * mirrored)
-        blue = shown * lights[5, k] * ((one - b) * mb * level + b * mirrored)
+        red = lights[3, k] * (one - r) * mr * level
+        red = shown * (red + lights[of, k] * r * mirrored)
+        green = lights[4, k] * (one - g) * mg * level
+        green = shown * (green + lights[of + _ONE, k] * g * mirrored)
+        blue = lights[5, k] * (one - b) * mb * level
+        blue = shown * (blue + lights[of + _TWO, k] * b * mirrored)
         rt, gt, bt = rt + red, gt + green, bt + blue
         rk, gk, bk = rk + known[i, k] * red, gk + known[i, k] * green, bk + known[i, k] * blue
         rs, gs, bs = rs + seen[i, k] * red, gs + seen[i, k] * green, bs + seen[i, k] * blue
     return rs, gs, bs, rk, gk, bk, rt, gt, bt
-
-
-@njit(nogil=True, error_model="numpy")
-def _look_up(
-    environment: _FLOATS,
-    x: np.float32,
-    y: np.float32,
-    z: np.float32,
-    line: int,
-    column: int,
-    picture: _FLOATS,
-) -> None:  # pragma: no cover - compiled
-    """Set a pixel to a map's radiance, alpha 0: as background.look_up."""
-    rows, columns = environment.shape[:2]
-    u = (0.5 - math.atan2(x, z) / (2 * math.pi)) * columns - 0.5
-    v = min(max(math.atan2(math.hypot(x, z), y) / math.pi * rows - 0.5, 0.0), rows - 1.0)
-    left, above = math.floor(u), min(int(v), max(rows - 2, 0))
-    right, down = u - left, v - above
-    left, beside = int(left) % columns, (int(left) + 1) % columns
-    below = min(above + 1, rows - 1)
-    for c in range(3):
-        upper = (1 - right) * environment[above, left, c] + right * environment[above, beside, c]
-        lower = (1 - right) * environment[below, left, c] + right * environment[below, beside, c]
-        picture[line, column, c] = (1 - down) * upper + down * lower
-    picture[line, column, 3] = 0

@@ -28,9 +28,10 @@ POINTS = 16
 # square of 2 × 2 are spread over the disc, and those of all 16.
 _TURN = np.array([[0, 1, 4, 5], [2, 3, 6, 7], [8, 9, 12, 13], [10, 11, 14, 15]], np.int64)
 
-DIRECTION, IRRADIANCE, HALF, SINE, CURVE, SPREAD, WIDTH = 0, 3, 6, 7, 8, 11, 12
-"""Rows of a table of lights: direction (3), irradiance (3), the irradiance curve of discs.py (half,
-s, then −1/s², p and q), what widens α²; and how many rows there are."""
+DIRECTION, IRRADIANCE, MIRRORED, HALF, SINE, CURVE, SPREAD, WIDTH = 0, 3, 6, 9, 10, 11, 14, 15
+"""Rows of a table of lights: direction (3), irradiance (3), the irradiance that mirrors show (3),
+the irradiance curve of discs.py (half, s, then −1/s², p and q), what widens α²; and how many rows
+there are."""
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model="numpy")

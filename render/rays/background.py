@@ -4,6 +4,7 @@ As shaders/background.frag: bilinear between the centres of cells, around the se
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numba import njit, prange
@@ -49,7 +50,7 @@ def look_up(
     """Set `samples` (S,) of `out` to a map (N, 2N, 3) at (S, 2) as `map_coordinates` gives them."""
     for i in prange(len(at)):
         for c in range(3):
-            out[samples[i], c] = _bilinear(radiance, at[i], c)
+            out[samples[i], c] = bilinear(radiance, at[i], c)
 
 
 @njit(cache=True, nogil=True, parallel=True)
@@ -73,13 +74,14 @@ def look_through(
     for i in prange(len(at)):
         for c in range(3):
             shade = out[samples[i], c] / unshaded[c] if unshaded[c] > 0 else np.float32(1)
-            out[samples[i], c] = shade * _bilinear(radiance, at[i], c)
+            out[samples[i], c] = shade * bilinear(radiance, at[i], c)
 
 
 @njit(nogil=True)
-def _bilinear(
-    radiance: NDArray[np.float32], at: NDArray[np.float32], c: int
+def bilinear(
+    radiance: NDArray[np.float32], at: Any, c: int
 ) -> np.float32:  # pragma: no cover - compiled
+    """Return channel c of a map (N, 2N, 3) at (u, v), as `map_coordinates` gives them."""
     rows, columns = radiance.shape[:2]
     x = at[0] * columns - np.float32(0.5)
     y = min(max(at[1] * rows - np.float32(0.5), np.float32(0)), np.float32(rows - 1))

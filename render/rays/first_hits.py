@@ -31,8 +31,8 @@ FIELDS = 18
 """Rows of a surface: position (3), shading normal (3), face normal (3), ρ/π (3), f0 (3), f90, α²
 and what it is. Where nothing is hit, `POSITION` is the direction of the ray instead."""
 
-NOTHING, DULL, GLOSSY = 0.0, 1.0, 2.0
-"""Values of `KIND`: nothing was hit, a Lambertian surface, one that mirrors too."""
+NOTHING, GROUND, DULL, GLOSSY = 0.0, 1.0, 2.0, 3.0
+"""Values of `KIND`: nothing was hit, the ground, a Lambertian surface, one that mirrors too."""
 
 _DIELECTRIC_F0 = np.float32(0.04)  # refractive index 1.5, as in glTF
 _FAR_M = np.float32(1e30)
@@ -51,6 +51,15 @@ def empty_surfaces(size_px: tuple[int, int]) -> _FLOATS:
     columns = LANES * math.ceil(width / (SIDE * LANES))
     rows = SIDE * math.ceil(height / SIDE**2)
     return np.zeros((rows + 2, LANES, FIELDS, columns + 2), np.float32)
+
+
+def in_picture(surfaces: _FLOATS, size_px: tuple[int, int]) -> _FLOATS:
+    """Return the surfaces as a picture, (H, W, FIELDS)."""
+    width, height = size_px
+    inside = surfaces[1:-1, ..., 1:-1]
+    rows, _, fields, columns = inside.shape
+    lanes = inside.reshape(rows, SIDE, SIDE, fields, columns).transpose(0, 1, 4, 2, 3)
+    return lanes.reshape(SIDE * rows, SIDE * columns, fields)[:height, :width]
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model="numpy")
@@ -201,7 +210,7 @@ def _on_ground(
         seen[F0 + 2, lane] = 0
         seen[F90, lane] = 0
         seen[ALPHA2, lane] = 0
-        seen[KIND, lane] = share * DULL
+        seen[KIND, lane] = share * GROUND
 
 
 @njit(nogil=True, error_model="numpy")

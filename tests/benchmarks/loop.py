@@ -23,7 +23,6 @@ from lighting.maps.remap import apply_remap, build_remap
 from lighting.reduce import ADAPTIVE
 from lighting.stream.light_stream import LightPlan, StreamMemory, next_lights
 from render.baked.renderer import BakedRenderer
-from render.opengl.context import create_context
 from render.output.view import to_display
 from render.replay_folder import ReplayFolder
 from render.scenes.default_scene import default_scene
@@ -43,7 +42,7 @@ def run(repeats: int) -> list[dict[str, Any]]:
             Path(folder) / "sky", BRACKETS, TURN_RAD_PER_S, RATE_HZ
         )
         scene, camera = default_scene()
-        with create_context() as context, BakedRenderer(context, scene, camera) as renderer:
+        with BakedRenderer(scene, camera) as renderer:
             for system, output in (("pictures", None), ("files", Path(folder) / "out")):
                 clocks = [
                     _stream(recording, renderer, camera.size_px, output)

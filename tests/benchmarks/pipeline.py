@@ -42,7 +42,6 @@ from lighting.simulation.scenario import scenario
 from lighting.simulation.simulate import simulate_recording
 from lighting.sphere.latlong import cell_directions
 from render.baked.renderer import BakedRenderer
-from render.opengl.context import create_context
 from render.scenes.default_scene import default_scene
 from render.session import run_session
 from tests.environments import environment, outdoors
@@ -138,7 +137,7 @@ def _timed(times: Times, stage: str, action: Callable[[], Any]) -> Any:
 
 def _ours(recording: Recording) -> Callable[[int], Times]:
     remap = build_remap(CAMERA, MAP_HEIGHT)
-    renderer = BakedRenderer(create_context(), *default_scene())
+    renderer = BakedRenderer(*default_scene())
     memory, reduce = PictureMemory(), _Reduction()
 
     def one_bracket(position: int) -> Times:

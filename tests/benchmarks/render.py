@@ -17,7 +17,8 @@ import numpy as np
 
 from lighting.light_set import LightSet
 from render.baked.renderer import BakedRenderer
-from render.moving.renderer import Effort, MovingRenderer
+from render.moving.renderer import MovingRenderer
+from render.moving.shared_rays import Effort
 from render.opengl.context import create_context, describe
 from render.opengl.gbuffer import GBuffer
 from render.opengl.renderer import Renderer
@@ -37,7 +38,7 @@ def run(repeats: int) -> list[dict[str, Any]]:
         few = max(repeats // 5, 1)
         return [
             *_parts(context, repeats),
-            *_baked(context, repeats),
+            *_baked(repeats),
             *_moving(few),
             *_peer(context, few),
             *_soft(context, few),
@@ -79,14 +80,14 @@ def _parts(context: moderngl.Context, repeats: int) -> list[dict[str, Any]]:
     return rows
 
 
-def _baked(context: moderngl.Context, repeats: int) -> list[dict[str, Any]]:
+def _baked(repeats: int) -> list[dict[str, Any]]:
     scene, camera = default_scene()
     lights = _discs(LIGHT_COUNT, seed=0)
     start = time.perf_counter()
-    with BakedRenderer(context, scene, camera) as renderer:
+    with BakedRenderer(scene, camera) as renderer:
         traced_ms = 1e3 * (time.perf_counter() - start)
         frame_ms = _median_ms(lambda: renderer.render(lights), repeats)
-    with BakedRenderer(context, scene, camera) as renderer:
+    with BakedRenderer(scene, camera) as renderer:
         # Narrow enough to be traced alone: two in turn, so that it has moved.
         narrow = random_lights(1, seed=2), random_lights(1, seed=3)
         moved_ms = 0.5 * _median_ms(lambda: [renderer.render(each) for each in narrow], repeats)
@@ -157,8 +158,9 @@ def _soft(context: moderngl.Context, repeats: int) -> list[dict[str, Any]]:
     inside = away_from_outlines(ball, camera)
     scene = Scene((sphere(ball.centre, ball.radius_m, ball.material, 64),), ball.ground)
     rows = []
-    for system, kind in (("baked", BakedRenderer), ("shadow maps", Renderer)):
-        with kind(context, scene, camera) as renderer:
+    baked, drawn = BakedRenderer(scene, camera), Renderer(context, scene, camera)
+    for system, made in (("baked", baked), ("shadow maps", drawn)):
+        with made as renderer:
             ms = _median_ms(lambda: renderer.render(lights), repeats)
             off = (renderer.render(lights) - truth)[inside, :3]
         error = math.sqrt(np.mean(off**2) / np.mean(truth[inside, :3] ** 2))

@@ -19,19 +19,17 @@ from render.scenes.scene import Camera, Ground, Material, Scene
 from tests.render.brute_force import SphereScene, as_points, away_from_outlines, trace
 from tests.render.light_sets import random_lights
 
-pytestmark = pytest.mark.gl
-
 CAMERA = Camera(np.array([0.5, 3.0, 2.0]), np.array([0.0, 0.2, 0.0]), 0.8, (48, 48))
 
 
 @pytest.mark.parametrize(("roughness", "bound"), [(0.5, 0.03), (0.35, 0.07), (0.2, 0.06)])
-def test_highlights(ctx, roughness, bound):
+def test_highlights(roughness, bound):
     material = Material((0.8, 0.6, 0.5), roughness, metalness=1.0)
     ball = SphereScene((0.0, 0.5, 0.0), 0.5, material, Ground(0.0, (0.0, 0.0, 0.0), 20))
     points = random_lights(12, seed=3)
     lights = LightSet(points.directions, points.irradiance, np.full(12, 0.2))
     scene = Scene((sphere(ball.centre, ball.radius_m, material, 64),), ball.ground)
-    with BakedRenderer(ctx, scene, CAMERA) as renderer:
+    with BakedRenderer(scene, CAMERA) as renderer:
         inside = away_from_outlines(ball, CAMERA)
         picture = renderer.render(lights)[inside, :3]
     truth = trace(ball, CAMERA, as_points(lights, 64))[inside, :3]

@@ -8,7 +8,7 @@ import pytest
 
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
-from render.baked import renderer as baked
+from render.baked.narrow import STANDING
 from render.baked.renderer import BakedRenderer
 from render.opengl.renderer import Renderer
 from render.rays.background import look_up, map_coordinates, picture_rays
@@ -24,8 +24,6 @@ from tests.render.light_sets import (
     uniform_lights,
 )
 
-pytestmark = pytest.mark.gl
-
 MATT = Material((0.6, 0.5, 0.4), specular=0.0)
 BALL = SphereScene((0.0, 0.5, 0.0), 0.5, MATT, Ground(0.0, (0.5, 0.5, 0.5), 20))
 BLACK = Ground(0.0, (0.0, 0.0, 0.0), 20)
@@ -38,13 +36,20 @@ def meshed(scene: SphereScene) -> Scene:
 
 
 @pytest.fixture(scope="module")
-def ball(_context):
-    with _context, BakedRenderer(_context, meshed(BALL), CAMERA) as renderer:
+def ball():
+    with BakedRenderer(meshed(BALL), CAMERA) as renderer:
         yield renderer
 
 
 def whole_map(radiance):
     return EnvironmentMap(radiance, np.ones((16, 32), bool), np.zeros((16, 32), bool))
+
+
+def settled(renderer, lights):
+    """Return the picture of a light that has stood until it was traced."""
+    for _ in range(STANDING):
+        picture = renderer.render(lights)
+    return picture
 
 
 def errors(picture, lights, scene=BALL):
@@ -58,7 +63,7 @@ def errors(picture, lights, scene=BALL):
 @pytest.mark.parametrize(("radius_deg", "bound"), [(0, 2e-4), (2, 0.01), (5, 0.008), (20, 0.008)])
 def test_a_shadow_is_as_soft_as_its_light(ball, radius_deg, bound):
     light = one_light((0.6, 1.0, -0.3), angular_radius_rad=math.radians(radius_deg))
-    rmse, mean_error = errors(ball.render(light), light)
+    rmse, mean_error = errors(settled(ball, light), light)
     assert rmse < bound
     assert mean_error < 0.002
 
@@ -78,42 +83,43 @@ def test_a_fill(ball):
         (Material((0.5, 0.3, 0.2), roughness=0.5), 0.012),
     ],
 )
-def test_gloss(ctx, material, bound):
+def test_gloss(material, bound):
     scene = replace(BALL, material=material, ground=BLACK)
     points = random_lights(12, seed=3, lowest=0.3)
     lights = LightSet(points.directions, points.irradiance, np.full(12, 0.2))
-    with BakedRenderer(ctx, meshed(scene), CAMERA) as renderer:
+    with BakedRenderer(meshed(scene), CAMERA) as renderer:
         rmse, mean_error = errors(renderer.render(lights), lights, scene)
     assert rmse < bound
     assert mean_error < 0.02
 
 
+@pytest.mark.gl
 def test_point_lights_as_shadow_maps_draw_them(ctx):
     """Objects in each other's shadow: but for the pixels on shadows' edges the pictures agree."""
     scene, camera = default_scene((64, 48))
     scene = replace(scene, meshes=tuple(replace(mesh, material=MATT) for mesh in scene.meshes))
     lights = random_lights(6, seed=4)
-    with Renderer(ctx, scene, camera) as drawn, BakedRenderer(ctx, scene, camera) as renderer:
+    with Renderer(ctx, scene, camera) as drawn, BakedRenderer(scene, camera) as renderer:
         expected, picture = drawn.render(lights)[..., :3], renderer.render(lights)[..., :3]
     differs = np.abs(picture - expected).max(axis=-1) > 0.02 * expected.mean()
     assert differs.mean() < 0.02
 
 
-def test_without_a_ground_light_comes_from_below(ctx):
+def test_without_a_ground_light_comes_from_below():
     scene = replace(BALL, ground=None)
     below = one_light((0.2, -1.0, 0.4), angular_radius_rad=0.3)
     camera = replace(CAMERA, eye=np.array([0.5, -1.5, 2.0]))
-    with BakedRenderer(ctx, meshed(scene), camera) as renderer:
+    with BakedRenderer(meshed(scene), camera) as renderer:
         picture = renderer.render(below)
     truth = trace(scene, camera, as_points(below))
     inside = away_from_outlines(scene, camera) & (truth[..., 3] == 1)
     np.testing.assert_allclose(picture[inside, :3].mean(), truth[inside, :3].mean(), rtol=0.01)
 
 
-def test_a_white_furnace_stays_white(ctx):
+def test_a_white_furnace_stays_white():
     """A ball of reflectance 1 under a radiance of 1 from everywhere has radiance 1."""
     scene = replace(BALL, material=Material((1.0, 1.0, 1.0), specular=0.0), ground=None)
-    with BakedRenderer(ctx, meshed(scene), CAMERA) as renderer:
+    with BakedRenderer(meshed(scene), CAMERA) as renderer:
         picture = renderer.render(uniform_lights(1500))
     inside = away_from_outlines(scene, CAMERA) & (picture[..., 3] == 1)
     np.testing.assert_allclose(picture[inside, :3], 1, atol=0.01)
@@ -131,41 +137,36 @@ def test_pictures_add_and_scale(ball):
 
 
 def test_a_picture_depends_on_its_own_lights_alone(ball):
+    """Once they stand, and but for a quarter of a radius that they may have come from."""
     first, second = one_light((0.6, 1.0, -0.3)), one_light((-0.6, 1.0, 0.3))
-    before = ball.render(first)
-    ball.render(second)
-    np.testing.assert_array_equal(ball.render(first), before)
+    before = settled(ball, first)
+    settled(ball, second)
+    np.testing.assert_array_equal(settled(ball, first), before)
 
 
-def test_a_narrow_light_is_traced_only_where_it_moved(ball, monkeypatch):
-    traced = []
-    trace_again = ball._trace
-
-    def count_and_trace(points, **lobes):
-        traced.append(1)
-        return trace_again(points, **lobes)
-
-    monkeypatch.setattr(
-        ball, "_trace", lambda *asked, **more: traced.append(1) or trace_again(*asked, **more)
-    )
-    light = one_light((0.1, 1.0, 0.7))
-    ball.render(light)
-    ball.render(scaled(light, 2.0))
-    ball.render(one_light((0.1, 1.0, 0.7001)))
-    assert len(traced) == 1
-    ball.render(one_light((0.1, 1.0, 0.72)))
-    assert len(traced) == 2
+@pytest.mark.parametrize(("radius_deg", "bound"), [(0, 3e-4), (0.5, 0.03), (4, 0.08)])
+def test_a_light_that_moves_is_drawn_by_rays(ball, radius_deg, bound):
+    settled(ball, one_light((0.6, 1.0, 0.3)))
+    light = one_light((0.6, 1.0, -0.3), angular_radius_rad=math.radians(radius_deg))
+    rmse, mean_error = errors(ball.render(light), light)
+    assert rmse < bound
+    assert mean_error < 0.02
 
 
-def test_only_the_strongest_lights_are_narrow(ball):
-    lights = random_lights(30, seed=1)
-    ball.render(lights)
-    kept = {tuple(each.direction) for each in ball._narrow}
-    power = lights.irradiance @ [0.2126, 0.7152, 0.0722]
-    strongest = lights.directions[np.argsort(-power)[: baked.NARROW_LIGHTS]]
-    assert kept == {tuple(each) for each in strongest}
+def test_a_moving_light_is_mirrored_as_a_standing_one():
+    material = Material((0.8, 0.6, 0.5), roughness=0.4, metalness=1.0)
+    light = one_light((0.4, 1.0, 0.5), angular_radius_rad=0.02)
+    elsewhere = one_light((-0.6, 1.0, 0.3))
+    inside = away_from_outlines(replace(BALL, material=material), CAMERA)
+    with BakedRenderer(meshed(replace(BALL, material=material)), CAMERA) as renderer:
+        standing = renderer.render(light)[inside, :3]
+        settled(renderer, elsewhere)
+        moving = renderer.render(light)[inside, :3]
+    np.testing.assert_allclose(moving.mean(), standing.mean(), rtol=0.02)
+    np.testing.assert_allclose(moving.max(), standing.max(), rtol=0.1)
 
 
+@pytest.mark.gl
 def test_coverage_background_and_samples_are_the_renderers(ctx):
     """Where nothing is hit the map shows, bilinear: llvmpipe weighs in steps of 1/256."""
     camera = replace(CAMERA, eye=np.array([1.0, 0.8, 2.5]), size_px=(40, 30))
@@ -173,27 +174,28 @@ def test_coverage_background_and_samples_are_the_renderers(ctx):
     lights = one_light((0.6, 1.0, -0.3))
     with (
         Renderer(ctx, meshed(BALL), camera, 2) as drawn,
-        BakedRenderer(ctx, meshed(BALL), camera, 2) as renderer,
+        BakedRenderer(meshed(BALL), camera, 2) as renderer,
     ):
         expected = drawn.render(lights, environment)
         picture = renderer.render(lights, environment)
-    np.testing.assert_array_equal(picture[..., 3], expected[..., 3])
-    unseen = expected[..., 3] == 0
+    differs = picture[..., 3] != expected[..., 3]  # OpenGL's ground has 256 sides
+    assert differs.mean() < 0.01
+    unseen = (expected[..., 3] == 0) & ~differs
     assert unseen.any()
     np.testing.assert_allclose(picture[unseen], expected[unseen], atol=2.5 / 256)
     assert picture.flags.c_contiguous
     assert picture.dtype == np.float32
 
 
-def test_through_the_ground_the_map_shows_in_the_shadows_of_the_objects(ctx):
+def test_through_the_ground_the_map_shows_in_the_shadows_of_the_objects():
     camera = replace(CAMERA, size_px=(40, 30))
     environment = whole_map(1 + np.random.default_rng(1).random((16, 32, 3), np.float32))
     lights = one_light((0.6, 1.0, -0.3), angular_radius_rad=0.05)
     lights = replace(lights, fill=uniform_fill(0.2))
-    with BakedRenderer(ctx, meshed(BALL), camera) as renderer:
+    with BakedRenderer(meshed(BALL), camera) as renderer:
         grey = renderer.render(lights, environment)
         mixed = renderer.render(lights, environment, through_ground=True)
-    with BakedRenderer(ctx, Scene((), BALL.ground), camera) as renderer:
+    with BakedRenderer(Scene((), BALL.ground), camera) as renderer:
         without = renderer.render(lights, environment)
         floor = renderer.render(lights, environment, through_ground=True)
     ball = np.abs(mixed - grey).max(axis=-1) == 0
@@ -208,14 +210,14 @@ def test_through_the_ground_the_map_shows_in_the_shadows_of_the_objects(ctx):
     np.testing.assert_allclose(mixed[~ball, :3], shade * floor[~ball, :3], rtol=0.02)
 
 
-def test_where_no_floor_was_seen_the_ground_stays_grey(ctx):
+def test_where_no_floor_was_seen_the_ground_stays_grey():
     camera = replace(CAMERA, size_px=(40, 30))
     environment = whole_map(np.random.default_rng(1).random((16, 32, 3), np.float32))
     seen = environment.valid.copy()
     seen[8:] = False
     environment = replace(environment, valid=seen)
     lights = one_light((0.6, 1.0, -0.3), angular_radius_rad=0.05)
-    with BakedRenderer(ctx, meshed(BALL), camera) as renderer:
+    with BakedRenderer(meshed(BALL), camera) as renderer:
         grey = renderer.render(lights, environment)
         mixed = renderer.render(lights, environment, through_ground=True)
     np.testing.assert_allclose(mixed, grey, rtol=0.02, atol=1e-3)

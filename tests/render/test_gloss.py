@@ -40,26 +40,24 @@ def directions(rows=ROWS):
     return grid_to_direction(np.stack([column, row], axis=-1), rows)
 
 
-def picture(ctx, scene, environment, lights=DARK):
-    with BakedRenderer(ctx, scene, CAMERA) as renderer:
+def picture(scene, environment, lights=DARK):
+    with BakedRenderer(scene, CAMERA) as renderer:
         seen = renderer.render(lights, environment)
     inside = SphereScene((0, 0, 0), 1.0, Material(), None)
     return seen[..., :3], away_from_outlines(inside, CAMERA) & (seen[..., 3] == 1)
 
 
-@pytest.mark.gl
 @pytest.mark.parametrize("roughness", [0.0, 0.1, 0.3])
-def test_a_smooth_metal_in_a_white_furnace_is_white(ctx, roughness):
+def test_a_smooth_metal_in_a_white_furnace_is_white(roughness):
     """But for what facets pass on to each other, 2.7 % at the rim for a roughness of 0.3."""
-    seen, inside = picture(ctx, ball(metal(roughness)), whole(np.ones((ROWS, 2 * ROWS, 3))))
+    seen, inside = picture(ball(metal(roughness)), whole(np.ones((ROWS, 2 * ROWS, 3))))
     assert_allclose(seen[inside], 1, atol=0.03)
 
 
-@pytest.mark.gl
-def test_a_mirror_shows_the_mirrored_direction(ctx):
+def test_a_mirror_shows_the_mirrored_direction():
     """Radiance that is linear in direction, so that no mean over a part changes it."""
     linear = 2 + directions()
-    seen, inside = picture(ctx, ball(metal(0.0)), whole(linear))
+    seen, inside = picture(ball(metal(0.0)), whole(linear))
     rows, columns = np.nonzero(inside)
     across, up = CAMERA.half_extent()
     x, y = (2 * columns + 1) / 48 - 1, 1 - (2 * rows + 1) / 48
@@ -71,8 +69,7 @@ def test_a_mirror_shows_the_mirrored_direction(ctx):
     assert_allclose(seen[inside], 2 + mirrored, atol=0.03)
 
 
-@pytest.mark.gl
-def test_the_poles_and_the_seam_are_ordinary_places(ctx):
+def test_the_poles_and_the_seam_are_ordinary_places():
     """The same spot is mirrored wherever the map is turned; on a pole 10 % wider."""
     reflected, peak = np.zeros(3), np.zeros(3)
     camera_at = ((0.0, 0.0, 3.0), (0.0, 3.0, 0.0), (0.0, 0.0, -3.0))  # images: +Z, +Y, −Z
@@ -81,52 +78,48 @@ def test_the_poles_and_the_seam_are_ordinary_places(ctx):
         camera = replace(CAMERA, eye=eye, up=up, size_px=(33, 33))
         spot = (directions() @ (eye / 3) > np.cos(np.radians(7))) * 1.0
         spot *= 0.05 / whole(np.repeat(spot[..., None], 3, 2)).integral()[0]
-        with BakedRenderer(ctx, ball(metal(0.25)), camera) as renderer:
+        with BakedRenderer(ball(metal(0.25)), camera) as renderer:
             seen = renderer.render(DARK, whole(np.repeat(spot[..., None], 3, 2)))
         reflected[row], peak[row] = seen[..., 0].mean(), seen[11:22, 11:22, 0].mean()
     assert_allclose(reflected, reflected[0], rtol=0.04)
     assert_allclose(peak, peak[0], rtol=0.1)
 
 
-@pytest.mark.gl
 @pytest.mark.parametrize("roughness", [0.1, 0.35])
-def test_below_the_horizon_a_ball_mirrors_the_ground_as_if_nothing_stood_on_it(ctx, roughness):
+def test_below_the_horizon_a_ball_mirrors_the_ground_as_if_nothing_stood_on_it(roughness):
     ground = Ground(-1.0, (0.4, 0.3, 0.2), 1000)
     upward = LightSet(np.array([[0.0, 1.0, 0.0]]), np.full((1, 3), np.pi), np.full(1, 0.3))
     dark = whole(np.zeros((ROWS, 2 * ROWS, 3)))
-    seen, _ = picture(ctx, ball(metal(roughness), ground), dark, upward)
+    seen, _ = picture(ball(metal(roughness), ground), dark, upward)
     assert_allclose(seen[36, 24], ground.reflectance, rtol=0.05)  # below the middle of the ball
 
 
-@pytest.mark.gl
 @pytest.mark.parametrize("roughness", [0.1, 0.35])
-def test_through_the_ground_a_ball_mirrors_the_floor_of_the_map(ctx, roughness):
+def test_through_the_ground_a_ball_mirrors_the_floor_of_the_map(roughness):
     floor = np.where(directions()[..., 1:2] < 0, [0.4, 0.3, 0.2], 0.0)
-    with BakedRenderer(ctx, ball(metal(roughness), Ground(-1.0)), CAMERA) as renderer:
+    with BakedRenderer(ball(metal(roughness), Ground(-1.0)), CAMERA) as renderer:
         seen = renderer.render(DARK, whole(floor), through_ground=True)
     assert_allclose(seen[36, 24, :3], [0.4, 0.3, 0.2], rtol=0.06)
 
 
-@pytest.mark.gl
-def test_a_ball_does_not_show_the_map_through_another(ctx):
+def test_a_ball_does_not_show_the_map_through_another():
     blocked = Scene((*ball(metal(0.1)).meshes, sphere((0, 0, 40.0), 36.0, metal(0.1), 96)), None)
     environment = whole(np.ones((ROWS, 2 * ROWS, 3)))
-    with BakedRenderer(ctx, blocked, CAMERA) as renderer:
+    with BakedRenderer(blocked, CAMERA) as renderer:
         seen = renderer.render(DARK, environment)
     assert_allclose(seen[24, 24, :3], 0, atol=1e-6)  # mirrors what stands behind the camera
 
 
-@pytest.mark.gl
 @pytest.mark.parametrize("roughness", [0.25, 0.5])
-def test_a_key_light_is_mirrored_once(ctx, roughness):
+def test_a_key_light_is_mirrored_once(roughness):
     """With the light that the map's spot is, or without, the ball reflects the same in all."""
     toward = np.array([0.3, 0.6, 1.0]) / np.linalg.norm([0.3, 0.6, 1.0])
     spot = directions() @ toward > np.cos(np.radians(4))
     environment = whole(np.where(spot[..., None], 100.0, 0.5) * np.ones(3))
     irradiance = 99.5 * 2 * np.pi * (1 - np.cos(np.radians(4)))
     key = LightSet(toward[None], np.full((1, 3), irradiance), np.array([np.radians(2.4)]))
-    with_key, inside = picture(ctx, ball(metal(roughness)), environment, key)
-    without, _ = picture(ctx, ball(metal(roughness)), environment)
+    with_key, inside = picture(ball(metal(roughness)), environment, key)
+    without, _ = picture(ball(metal(roughness)), environment)
     assert_allclose(with_key[inside].mean(), without[inside].mean(), rtol=0.03)
     assert with_key[inside].max() > 2
 

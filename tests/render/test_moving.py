@@ -8,7 +8,8 @@ import pytest
 
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
-from render.moving.renderer import Effort, MovingRenderer, _take_turns
+from render.moving.renderer import MovingRenderer
+from render.moving.shared_rays import Effort, take_turns
 from render.opengl.renderer import Renderer
 from render.scenes.default_scene import default_scene, sphere
 from render.scenes.scene import Camera, Ground, Material, Scene
@@ -113,7 +114,7 @@ def test_a_picture_depends_on_its_own_lights_alone(ball):
 
 @pytest.mark.parametrize(("count", "keys", "side"), [(64, 0, 4), (65, 3, 4), (7, 2, 2), (3, 3, 4)])
 def test_every_light_has_one_turn(count, keys, side):
-    per_turn, chosen = _take_turns(count, keys, side)
+    per_turn, chosen = take_turns(count, keys, side)
     assert len(chosen) == keys + per_turn * side**2
     assert sorted(chosen[chosen >= 0]) == list(range(count))
     assert list(chosen[:keys]) == list(range(keys))
@@ -148,10 +149,10 @@ def test_the_other_renderers_draw_the_same(ctx):
     first = scene.meshes[0]
     around = np.arctan2(first.normals[:, 0], first.normals[:, 2]) / np.pi
     uv = np.stack([around, first.normals[:, 1]], axis=-1)
-    scene = replace(
-        scene,
-        meshes=(replace(first, material=textured, texture_coordinates=uv), *scene.meshes[1:]),
-    )
+    ball, metal, ring = scene.meshes
+    rough = replace(metal, material=replace(metal.material, roughness=0.5))  # mirrors the lights
+    ball = replace(ball, material=textured, texture_coordinates=uv)
+    scene = replace(scene, meshes=(ball, rough, ring))
     background = EnvironmentMap(
         rng.random((16, 32, 3), np.float32), np.ones((16, 32), bool), np.zeros((16, 32), bool)
     )

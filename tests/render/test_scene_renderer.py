@@ -13,7 +13,6 @@ from tests.render.light_sets import one_light
 SCENE = Scene((), Ground())
 CAMERA = Camera(np.array([0.0, 2.0, 2.0]), np.zeros(3), size_px=(8, 8))
 LIGHT = one_light((0, 1, 0))
-OPENGL = object()
 
 
 @pytest.fixture
@@ -29,20 +28,20 @@ def drawn(monkeypatch):
         def move(self, *shown):
             self.shown = shown
 
-        def render(self, lights, background):
+        def render(self, lights, background, *, through_ground):
             done.append(self.name)
             return self.shown
 
         def release(self):
             done.append(f"free {self.name}")
 
-    monkeypatch.setattr(scene_renderer, "BakedRenderer", lambda _, *shown: Fake("baked", shown))
+    monkeypatch.setattr(scene_renderer, "BakedRenderer", lambda *shown: Fake("baked", shown))
     monkeypatch.setattr(scene_renderer, "MovingRenderer", lambda *shown: Fake("moving", shown))
     return done
 
 
 def test_what_stands_is_baked_after_some_pictures(drawn):
-    with SceneRenderer(OPENGL, still_pictures=2) as renderer:
+    with SceneRenderer(still_pictures=2) as renderer:
         for _ in range(4):
             renderer.render(SCENE, CAMERA, LIGHT)
     assert drawn == [
@@ -52,7 +51,7 @@ def test_what_stands_is_baked_after_some_pictures(drawn):
 
 
 def test_what_is_known_to_stand_is_baked_at_once(drawn):
-    with SceneRenderer(OPENGL, still_pictures=0) as renderer:
+    with SceneRenderer(still_pictures=0) as renderer:
         renderer.render(SCENE, CAMERA, LIGHT)
     assert drawn == ["make baked", "baked", "free baked"]
 
@@ -61,21 +60,15 @@ def test_what_is_known_to_stand_is_baked_at_once(drawn):
     "other", [(replace(SCENE), CAMERA), (SCENE, replace(CAMERA, target=np.array([0.0, 1, 0])))]
 )
 def test_what_moves_is_drawn_as_it_is_now(drawn, other):
-    with SceneRenderer(OPENGL, still_pictures=1) as renderer:
+    with SceneRenderer(still_pictures=1) as renderer:
         for _ in range(2):
             renderer.render(SCENE, CAMERA, LIGHT)
         assert renderer.render(*other, LIGHT) == other
     assert drawn[3:] == ["baked", "free baked", "moving", "free moving"]
 
 
-def test_without_opengl_everything_is_drawn_as_if_it_moved(drawn):
-    with SceneRenderer(None, still_pictures=0) as renderer:
-        for _ in range(3):
-            renderer.render(SCENE, CAMERA, LIGHT)
-    assert drawn == ["make moving", "moving", "moving", "moving", "free moving"]
-
-
-def test_a_picture_without_opengl():
-    with SceneRenderer(None, still_pictures=0) as renderer:
+@pytest.mark.parametrize("still_pictures", [0, 1])
+def test_either_way_draws_the_picture(still_pictures):
+    with SceneRenderer(still_pictures) as renderer:
         picture = renderer.render(SCENE, CAMERA, LIGHT)
     np.testing.assert_allclose(picture[..., :3], 0.5 / np.pi, rtol=1e-5)

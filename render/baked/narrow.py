@@ -1,0 +1,79 @@
+"""Narrow lights of a baked scene: what is traced of them once they stand, and which of them move.
+
+Tracing the transport of a light pays when it serves several pictures. One that moves on from
+picture to picture is left to rays, and traced when it has stood for a few.
+
+Input  : the narrow lights of each picture.
+Output : those with their transport, and those without.
+Cost   : one light is traced in a picture at most, all of them in the first.
+Fails  : a picture changes by the error of the rays where a light begins to stand.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from render.baked.transport import Transport
+from render.moving.shared_rays import Discs
+
+Array = NDArray[np.float64]
+
+STANDING = 3
+"""Pictures in a row in which a light is seen at one place before it is traced."""
+
+_STILL = 0.25  # of a light's radius: it moves by less without being elsewhere
+_STILL_LEAST_RAD = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class NarrowLight:
+    """Where a light was first seen, since how many pictures, and its transport if it has one."""
+
+    direction: Array
+    radius_rad: float
+    pictures: int
+    transport: Transport | None
+
+    def is_near(self, direction: Array, radius_rad: float) -> bool:
+        """Whether a light is so like this one that its transport serves."""
+        still_rad = max(_STILL * radius_rad, _STILL_LEAST_RAD)
+        chord = float(np.linalg.norm(direction - self.direction))
+        return chord < still_rad and abs(radius_rad - self.radius_rad) < still_rad
+
+
+class NarrowLights:
+    """Remembers the narrow lights of the picture before.
+
+    Parameters
+    ----------
+    trace : callable
+        Returns the transport of a light of a direction (3,) and an angular radius.
+    """
+
+    def __init__(self, trace: Callable[[Array, float], Transport]) -> None:
+        self._trace = trace
+        self._before: list[NarrowLight] | None = None
+
+    def follow(self, lights: Discs) -> tuple[list[tuple[int, Transport]], NDArray[np.bool_]]:
+        """Return which lights (index) have what transport, and which (K,) have none."""
+        is_first = self._before is None
+        now, traced = [], 0
+        for direction, radius_rad in zip(lights.directions, lights.radius_rad, strict=True):
+            near = (each for each in self._before or () if each.is_near(direction, radius_rad))
+            light = next(near, NarrowLight(direction, float(radius_rad), 0, None))
+            light = replace(light, pictures=light.pictures + 1)
+            stands = is_first or (light.pictures >= STANDING and traced == 0)
+            if light.transport is None and stands:
+                transport = self._trace(direction, float(radius_rad))
+                light = NarrowLight(direction, float(radius_rad), light.pictures, transport)
+                traced += 1
+            now.append(light)
+        self._before = now
+        found = [
+            (index, light.transport)
+            for index, light in enumerate(now)
+            if light.transport is not None
+        ]
+        return found, np.array([light.transport is None for light in now], np.bool_)

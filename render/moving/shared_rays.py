@@ -1,0 +1,199 @@
+"""Lights by shadow rays that neighbouring pixels share: what a few dozen lights give a picture.
+
+Light without shadows is summed exactly at every pixel. What is estimated is only its share that
+gets through: for the strongest lights by rays from every pixel, for all others by one ray from one
+pixel of sixteen, whose neighbours on the same surface take over what it saw.
+
+Input  : surfaces, as `first_hits` finds them; discs of light.    Output : radiance.
+Cost   : see shadow_rays.py and shaded_light.py.
+Fails  : penumbrae of wide lights that are not the strongest are grainy, in a pattern that stands
+         still on the screen. A single wide light is blurred by four pixels, and each point of its
+         disc counts alike, whatever its cosine (tests/limits/test_render_moving.py).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.maps.environment import LUMINANCE_WEIGHTS
+from render.lights.discs import irradiance_curves
+from render.moving.neighbours import soften
+from render.moving.shaded_light import add_lights
+from render.moving.shadow_rays import (
+    CURVE,
+    DIRECTION,
+    HALF,
+    IRRADIANCE,
+    MIRRORED,
+    POINTS,
+    SPREAD,
+    WIDTH,
+    trace_lights,
+)
+from render.rays.disc_net import disc_net
+from render.rays.embree import occluded16_address
+from render.rays.first_hits import LANES
+from render.rays.traced_scene import TracedScene
+
+Array = NDArray[np.float64]
+_FLOATS = NDArray[np.float32]
+
+_POINT_RAD = 1e-3
+_WIDE_RAD = 0.03
+_SLOTS = 4  # the kernels move so many lights at once
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How many rays a picture is worth.
+
+    Attributes
+    ----------
+    interleaving : int
+        n of n × n pixels that share the rays to a light: 1, 2 or 4.
+    key_lights : int
+        Most lights to which every pixel sends rays.
+    key_share : float
+        Least share of all light that makes one.
+    key_rays : int
+        Rays of a pixel to a key light that is no point; a power of 2.
+    soft_rad : float
+        Radius from which on the penumbra of a key light is averaged over 4 × 4 pixels, being wider.
+    is_softened : bool
+        Whether what rays to the other lights saw is averaged over nine of them, if any is wide.
+    """
+
+    interleaving: int = 4
+    key_lights: int = 4
+    key_share: float = 0.1
+    key_rays: int = 2
+    soft_rad: float = 0.03
+    is_softened: bool = True
+
+
+DEFAULT_EFFORT = Effort()
+
+
+@dataclass(frozen=True, eq=False)
+class Discs:
+    """Lights as rays are sent to them.
+
+    Attributes
+    ----------
+    directions, irradiance, radius_rad : (K, 3), (K, 3), (K,) float64
+        As `reaching_lights` returns them.
+    mirrored : (K, 3) float64
+        The irradiance that mirrors show of each.
+    """
+
+    directions: Array
+    irradiance: Array
+    radius_rad: Array
+    mirrored: Array
+
+    def __len__(self) -> int:
+        return len(self.directions)
+
+    def taken(self, which: NDArray[np.integer] | NDArray[np.bool_]) -> "Discs":
+        """Return some of them, or all in another order."""
+        return Discs(
+            self.directions[which],
+            self.irradiance[which],
+            self.radius_rad[which],
+            self.mirrored[which],
+        )
+
+
+class SharedRays:
+    """Adds lights to pictures; keeps only memory from one to the next."""
+
+    def __init__(self, effort: Effort) -> None:
+        self._effort = effort
+        self._visible = np.zeros((0, 0, 0, 0), np.float32)
+        self._softened = self._visible
+
+    def add(
+        self,
+        traced: TracedScene,
+        surfaces: _FLOATS,
+        eye: Array,
+        pixel_rad: float,
+        lights: Discs,
+        power: float,
+        picture: _FLOATS,
+        rough_alpha2: float = np.inf,
+    ) -> None:
+        """Add the radiance of what is seen under `lights` to `picture` (H, W, 4).
+
+        Parameters
+        ----------
+        traced : TracedScene
+        surfaces : (rows, LANES, FIELDS, columns) float32
+            What its picture shows.
+        eye, pixel_rad : (3,) float64, float
+            Where from; the angle between neighbouring pixels.
+        lights : Discs
+        power : float
+            Luminance of the irradiance of all light, of which a key light has its share.
+        rough_alpha2 : float
+            Surfaces from this α² on mirror a light's irradiance instead of what is `mirrored`.
+        """
+        each = lights.irradiance @ LUMINANCE_WEIGHTS
+        order = np.argsort(-each, kind="stable")
+        lights = lights.taken(order)
+        strong = int(np.count_nonzero(each >= self._effort.key_share * power))
+        keys = min(strong, self._effort.key_lights) if each.any() else 0
+        side, key_rays = self._effort.interleaving, self._effort.key_rays
+        per_turn, chosen = take_turns(len(lights), keys, side)
+        table = np.take(_light_table(lights), chosen, axis=1)
+        ray_count = np.ones(len(chosen), np.int64)
+        ray_count[chosen < 0] = 0
+        table[IRRADIANCE : MIRRORED + 3, chosen < 0] = 0.0
+        ray_count[:keys][lights.radius_rad[:keys] >= _POINT_RAD] = key_rays
+        net = disc_net(lights.directions, lights.radius_rad, POINTS * key_rays)
+        net[keys:, :POINTS] = disc_net(lights.directions[keys:], lights.radius_rad[keys:], POINTS)
+        points = net.astype(np.float32)[chosen]
+
+        rows, _, _, columns = surfaces.shape
+        shape = rows, LANES, columns, keys + per_turn
+        if self._visible.shape != shape:
+            self._visible = np.zeros(shape, np.float32)
+            self._softened = np.zeros(shape, np.float32)
+        tracing = (
+            occluded16_address(), traced.address, traced.sphere, traced.offset_m, surfaces,
+        )  # fmt: skip
+        trace_lights(*tracing, table, points, ray_count, keys, side, self._visible)
+        visible, seen_from = self._visible, eye.astype(np.float32)
+        if self._effort.is_softened and np.any(lights.radius_rad[keys:] >= _WIDE_RAD):
+            soften(surfaces, visible, keys, seen_from, pixel_rad, self._softened)
+            visible = self._softened
+        is_soft = lights.radius_rad[:keys] >= self._effort.soft_rad
+        add_lights(
+            *tracing, visible, table, points, is_soft, keys, side, seen_from, pixel_rad,
+            rough_alpha2, picture,
+        )  # fmt: skip
+
+
+def take_turns(count: int, keys: int, side: int) -> tuple[int, NDArray[np.int64]]:
+    """Return how many lights have each turn, and which: the keys, then those of every turn.
+
+    Turns get lights of any power alike: of each side² in a row, one. −1 stands for none.
+    """
+    turns = side * side
+    per_turn = _SLOTS * -(-(count - keys) // (_SLOTS * turns))
+    chosen = keys + np.arange(per_turn * turns).reshape(per_turn, turns).T.ravel()
+    chosen[chosen >= count] = -1
+    return per_turn, np.concatenate([np.arange(keys), chosen])
+
+
+def _light_table(lights: Discs) -> _FLOATS:
+    """Return the lights as the kernels have them, (WIDTH, K)."""
+    table = np.zeros((WIDTH, len(lights)), np.float32)
+    table[DIRECTION : DIRECTION + 3] = lights.directions.T
+    table[IRRADIANCE : IRRADIANCE + 3] = lights.irradiance.T
+    table[MIRRORED : MIRRORED + 3] = lights.mirrored.T
+    curves = irradiance_curves(lights.radius_rad).T
+    table[HALF], table[CURVE - 1], table[CURVE : CURVE + 3] = curves[0], curves[1], curves[2:]
+    table[SPREAD] = lights.radius_rad**2 / 8  # as in renderer.pack_lights
+    return table
