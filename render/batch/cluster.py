@@ -1,0 +1,50 @@
+"""The processes that a batch works with: this machine's, or those of a cluster that is there."""
+
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import dask
+from distributed import Client, LocalCluster
+
+from capture.errors import InputError
+
+_CONNECT_S = 20
+_ALLOWED_FAILURES = 100
+"""Deaths of workers that one run survives: batch/attempts.py gives up frames long before."""
+
+
+@contextmanager
+def connected(scheduler: str | None, worker_count: int | None = None) -> Iterator[Client]:
+    """Yield a client of the cluster at `scheduler`, or of one that lasts as long as the block.
+
+    A cluster of its own has a process for each core, and a limit of memory for each process that
+    together make up the machine's; one that exceeds it is ended, and another begun.
+
+    Raises
+    ------
+    InputError
+        If there is no scheduler at that address.
+    """
+    if scheduler is not None:
+        try:
+            client = Client(scheduler, timeout=_CONNECT_S)
+        except (OSError, ValueError) as error:
+            raise InputError(f"{scheduler}: no scheduler answers ({error})") from None
+        with client:
+            yield client
+        return
+    cores = len(os.sched_getaffinity(0))
+    worker_count = worker_count or cores
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": _ALLOWED_FAILURES}),
+        LocalCluster(
+            n_workers=worker_count,
+            threads_per_worker=max(1, cores // worker_count),
+            dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client

@@ -1,0 +1,124 @@
+"""One recording on its way through a batch: which run is next, and what its lights follow.
+
+Runs are prepared in any order, several at a time; their lights follow one another. A run whose
+record and files are all there is passed over, so a batch that was cut off goes on where it was.
+
+A run is looked for under the digest of all before it. So one that has to be done again, for a file
+that is gone or a frame that failed, is done alone, and the look goes on once it is known what it
+came to: nearly always the same as before.
+"""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from capture.errors import InputError
+from capture.files import read_bytes
+from capture.output import PARTIAL_PREFIX
+from render.batch.attempts import forget_attempts
+from render.batch.frames import ATTEMPTS, RUNS, SUFFIXES, RunRecord, memory_path, record_path
+from render.batch.runs import RUN_LENGTH, Brackets, Job, Run, run_at
+
+
+class RecordingSequence:
+    """Runs of one recording; makes the folders of its results.
+
+    Parameters
+    ----------
+    job : Job
+    brackets : tuple of tuple of FrameRecord
+        All of the recording.
+    on_kept : callable
+        Told of the record of each run that is passed over.
+    run_length : int
+        Frames of a run.
+
+    Attributes
+    ----------
+    job : Job
+    link : str
+        Digest that the lights of the next run follow.
+    before : Path or None
+        Where the run before it left its memory.
+    in_flight : int
+        Runs that were handed out and are not concluded.
+    """
+
+    def __init__(
+        self,
+        job: Job,
+        brackets: Brackets,
+        on_kept: Callable[[RunRecord], None],
+        run_length: int = RUN_LENGTH,
+    ) -> None:
+        self.job = job
+        self.link = job.first_link
+        self.before: Path | None = None
+        self.in_flight = 0
+        self._brackets = brackets
+        self._run_length = run_length
+        self._on_kept = on_kept
+        self._position = 0
+        self._waits = False
+        for name in (*SUFFIXES, RUNS):
+            (job.folder / name).mkdir(parents=True, exist_ok=True)
+            for left_by_a_kill in (job.folder / name).glob(f"{PARTIAL_PREFIX}*"):
+                left_by_a_kill.unlink(missing_ok=True)
+        forget_attempts(job.folder / ATTEMPTS)
+        self._present = {
+            f"{job.folder.name}/{kind}/{name}"
+            for kind in SUFFIXES
+            for name in os.listdir(job.folder / kind)
+        }
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether every run is concluded."""
+        return self._position >= len(self._brackets) and not self.in_flight
+
+    def next_run(self) -> Run | None:
+        """Return the next run to prepare; None if there is none, or none yet."""
+        while self._position < len(self._brackets) and not self._waits:
+            run = run_at(self.job, self._brackets, self._position, self._run_length)
+            self._position += len(run)
+            if not self.in_flight:
+                record = self._read_record(run)
+                if record is not None and self._is_complete(run, record):
+                    self._follow(run, record)
+                    self._on_kept(record)
+                    continue
+                self._waits = record is not None
+            self.in_flight += 1
+            return run
+        return None
+
+    def conclude(self, run: Run, record: RunRecord) -> None:
+        """Go on from the record of the earliest run that is in flight."""
+        self._follow(run, record)
+        self.in_flight -= 1
+        self._waits = False
+
+    def _follow(self, run: Run, record: RunRecord) -> None:
+        self.before = memory_path(record_path(self.job, run, self.link))
+        self.link = record.link
+
+    def _read_record(self, run: Run) -> RunRecord | None:
+        path = record_path(self.job, run, self.link)
+        if not path.exists():
+            return None
+        try:
+            return msgspec.json.decode(read_bytes(path), type=RunRecord)
+        except (msgspec.MsgspecError, InputError):
+            return None  # as good as missing: it is made anew
+
+    def _is_complete(self, run: Run, record: RunRecord) -> bool:
+        files = {
+            name
+            for row in record.rows
+            for name in (row.radiance_file, row.map_file, row.lights_file, row.preview_file)
+            if name is not None
+        }
+        remembers = memory_path(record_path(self.job, run, self.link)).exists()
+        return record.is_whole and remembers and files <= self._present

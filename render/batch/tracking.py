@@ -1,0 +1,293 @@
+"""Runs dealt out to the workers of a dask cluster, and followed until all that they leave is there.
+
+Three tasks for each run (frames.py): prepare, light, preview. Tasks of the first kind are long and
+are dealt to each worker as it gets free; they leave dask's count of busy threads (`secede`), so
+that the short ones, for which the next run may be waiting, never queue behind them. dask sends
+those to where the prepared frames lie. What goes through the client is a run's record and the place
+of a file, and the lights if there is to be a preview: nothing that is as large as a picture.
+
+The client holds a few runs for each worker, whatever there is to do in all. It alone knows in which
+order lights follow, and dask no more than three tasks of each run in flight: a chain of tasks that
+depend on one another would be worked off from its beginning whenever a worker is lost.
+
+Input  : sequences (sequence.py).    Output : calls of `on_concluded` and `on_failed`.
+Cost   : for the client about 3 ms a run.
+Fails  : the scheduler must live; where it does not, what is done is on disk, and the batch can be
+         started again.
+"""
+
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import count
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+from uuid import uuid4
+
+import numba
+from distributed import Client, Future, KilledWorker, as_completed, get_worker, secede
+
+from capture.errors import FishlightError
+from render.batch.frames import (
+    LitRun,
+    PreparedFrame,
+    RunRecord,
+    light_run,
+    prepare_run,
+    preview_run,
+)
+from render.batch.runs import Job, Run
+
+_RUNS_PER_THREAD = 3
+"""Runs in flight: one being prepared, one whose lights are found, one that waits for its turn."""
+_LIGHT_FIRST, _PREVIEW_NEXT = 2, 1
+_MOST_LOSSES = 16
+"""Times that dask may give up a run whose workers die. Frames that end them are soon known
+(attempts.py); what is left is trouble with the workers themselves."""
+_DEPTH = 4
+"""Runs of one recording in flight before another recording is begun."""
+
+
+class FrameSequence(Protocol):
+    """Runs of which each has to know what the one before came to, as RecordingSequence."""
+
+    job: Job
+    link: str
+    before: Path | None
+    in_flight: int
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether every run is concluded."""
+
+    def next_run(self) -> Run | None:
+        """Return the next run to prepare; None if there is none, or none yet."""
+
+    def conclude(self, run: Run, record: RunRecord) -> None:
+        """Go on from the record of the earliest run that is in flight."""
+
+
+class Steps(NamedTuple):
+    """The three tasks of a run, as in frames.py."""
+
+    prepare: Callable[[Job, Run], list[PreparedFrame]] = prepare_run
+    light: Callable[[Job, Run, Sequence[PreparedFrame], str, Path | None], LitRun] = light_run
+    preview: Callable[[Job, Sequence[PreparedFrame], LitRun], None] = preview_run
+
+
+_STEPS = Steps()
+
+
+@dataclass(eq=False)
+class _RunInFlight:
+    """A run, the worker it was dealt to, and what it follows once that is known."""
+
+    queue: "_Queue"
+    run: Run
+    worker: str
+    prepared: Future[Any] | None = None
+    is_prepared: bool = False
+    follows: tuple[str, Path | None] | None = None
+    lit: Future[Any] | None = None
+    record: RunRecord | None = None
+    losses: int = 0
+
+
+@dataclass(eq=False)
+class _Queue:
+    """A sequence and its runs in flight whose lights are not known, in order."""
+
+    sequence: FrameSequence
+    runs: deque[_RunInFlight] = field(default_factory=deque)
+
+
+class Tracker:
+    """Takes sequences of runs through a cluster.
+
+    Parameters
+    ----------
+    client : Client
+    on_concluded : callable
+        Told of the record of each run when all its files are there.
+    on_failed : callable
+        Told of a sequence that cannot go on, and why. The others do.
+    steps : Steps
+        What is done with each run.
+    """
+
+    def __init__(
+        self,
+        client: Client,
+        on_concluded: Callable[[RunRecord], None],
+        on_failed: Callable[[FrameSequence, BaseException], None],
+        steps: Steps = _STEPS,
+    ) -> None:
+        self._client = client
+        self._on_concluded = on_concluded
+        self._on_failed = on_failed
+        self._steps = steps
+        self._queues: list[_Queue] = []
+        self._in_flight: set[_RunInFlight] = set()
+        self._owners: dict[str, _RunInFlight] = {}
+        self._completed = as_completed(loop=client.loop)
+        self._name = f"fishlight-{uuid4().hex[:8]}"
+        self._numbers = count()
+
+    def run_all(self, sequences: Iterator[FrameSequence]) -> None:
+        """Work until every sequence is finished or has failed.
+
+        Raises
+        ------
+        FishlightError
+            If the scheduler is lost.
+        """
+        while True:
+            self._deal_out(sequences)
+            if not self._in_flight:
+                return
+            future = next(self._completed)
+            run = self._owners.pop(str(future.key), None)
+            if run is not None:
+                self._go_on(run, future)
+
+    def _deal_out(self, sequences: Iterator[FrameSequence]) -> None:
+        """Give each thread of each worker a run to prepare, as long as there are any."""
+        threads = self._client.nthreads()
+        while not threads and not self._in_flight:
+            self._client.wait_for_workers(1)
+            threads = self._client.nthreads()
+        busy = Counter(run.worker for run in self._in_flight if not run.is_prepared)
+        most = _RUNS_PER_THREAD * sum(threads.values())
+        for worker, thread_count in threads.items():
+            while busy[worker] < thread_count and len(self._in_flight) < most:
+                if not self._start_run(worker, sequences):
+                    return
+                busy[worker] += 1
+
+    def _start_run(self, worker: str, sequences: Iterator[FrameSequence]) -> bool:
+        depth = min((len(queue.runs) for queue in self._queues), default=_DEPTH)
+        if depth >= _DEPTH:
+            self._open_next(sequences)
+        while True:
+            self._queues = [queue for queue in self._queues if not queue.sequence.is_finished]
+            for queue in sorted(self._queues, key=lambda queue: len(queue.runs)):
+                run = queue.sequence.next_run()
+                if run is not None:
+                    started = _RunInFlight(queue, run, worker)
+                    queue.runs.append(started)
+                    self._in_flight.add(started)
+                    self._prepare(started)
+                    return True
+            if not self._open_next(sequences):
+                return False
+
+    def _open_next(self, sequences: Iterator[FrameSequence]) -> bool:
+        sequence = next(sequences, None)
+        if sequence is not None:
+            self._queues.append(_Queue(sequence))
+        return sequence is not None
+
+    def _prepare(self, run: _RunInFlight) -> None:
+        run.is_prepared = False
+        run.prepared = self._submit(
+            run,
+            _prepare,
+            self._steps.prepare,
+            run.queue.sequence.job,
+            run.run,
+            workers=[run.worker],
+        )
+
+    def _light(self, run: _RunInFlight) -> None:
+        sequence = run.queue.sequence
+        run.follows = run.follows or (sequence.link, sequence.before)
+        run.lit = self._submit(
+            run,
+            _with_share_of_threads,
+            self._steps.light,
+            sequence.job,
+            run.run,
+            run.prepared,
+            *run.follows,
+            priority=_LIGHT_FIRST,
+        )
+
+    def _submit(self, run: _RunInFlight, *call: Any, **wishes: Any) -> Future[Any]:
+        key = f"{self._name}-{next(self._numbers)}"
+        future = self._client.submit(
+            *call,
+            key=key,
+            pure=False,
+            allow_other_workers="workers" in wishes,
+            **wishes,
+        )
+        self._owners[key] = run
+        self._completed.add(future)
+        return future
+
+    def _go_on(self, run: _RunInFlight, future: Future[Any]) -> None:
+        if future.cancelled():
+            raise FishlightError(
+                "the scheduler is gone; what is done is kept, start the batch again to go on"
+            )
+        error = future.exception()
+        if isinstance(error, KilledWorker) and run.losses < _MOST_LOSSES:
+            run.losses += 1
+            self._prepare(run)
+        elif error is not None:
+            self._fail(run, error)
+        elif future == run.prepared:
+            run.is_prepared = True
+            if run.follows is not None or run is run.queue.runs[0]:
+                self._light(run)
+        elif future == run.lit:
+            self._conclude(run, future.result())
+        else:
+            self._finish(run)
+
+    def _conclude(self, run: _RunInFlight, lit: LitRun) -> None:
+        """Let the next run's lights be found, and draw this one's."""
+        queue = run.queue
+        if run.record is None:
+            run.record = lit.record
+            queue.runs.popleft()
+            queue.sequence.conclude(run.run, lit.record)
+            if queue.runs and queue.runs[0].is_prepared:
+                self._light(queue.runs[0])
+        if lit.lights:
+            self._submit(
+                run,
+                self._steps.preview,
+                queue.sequence.job,
+                run.prepared,
+                run.lit,
+                priority=_PREVIEW_NEXT,
+            )
+        else:
+            self._finish(run)
+
+    def _finish(self, run: _RunInFlight) -> None:
+        self._in_flight.remove(run)
+        if run.record is not None:
+            self._on_concluded(run.record)
+
+    def _fail(self, run: _RunInFlight, error: BaseException) -> None:
+        """Give up a run, and with it those after it, whose lights would have followed."""
+        queue = run.queue
+        given_up = {run, *queue.runs}
+        self._in_flight -= given_up
+        self._owners = {key: run for key, run in self._owners.items() if run not in given_up}
+        if queue in self._queues:
+            self._queues.remove(queue)
+            self._on_failed(queue.sequence, error)
+
+
+def _prepare(step: Callable[[Job, Run], Any], job: Job, run: Run) -> Any:
+    secede()
+    return _with_share_of_threads(step, job, run)
+
+
+def _with_share_of_threads(step: Callable[..., Any], *arguments: Any) -> Any:
+    """Call a step with as many threads of numba's as the worker was given."""
+    numba.set_num_threads(min(get_worker().state.nthreads, numba.get_num_threads()))
+    return step(*arguments)
