@@ -118,6 +118,16 @@ def write_lights(path: Path, lights: LightSet, *, force: bool = False) -> None:
     InputError
         If the file exists and `force` is not set, or its folder does not.
     """
+    write_text(path, _to_text(_file_of(lights)), force=force)
+
+
+def lights_object(lights: LightSet) -> dict[str, Any]:
+    """Return what lights.json holds of `lights`, as the object that JSON makes of it."""
+    held: dict[str, Any] = msgspec.to_builtins(_file_of(lights))
+    return held
+
+
+def _file_of(lights: LightSet) -> _LightFile:
     arrays = (
         lights.directions,
         lights.irradiance,
@@ -125,7 +135,7 @@ def write_lights(path: Path, lights: LightSet, *, force: bool = False) -> None:
         lights.is_key,
         lights.shadow_map_px,
     )
-    file = _LightFile(
+    return _LightFile(
         scale=lights.scale,
         source=lights.source,
         timestamp_s=lights.timestamp_s,
@@ -138,7 +148,6 @@ def write_lights(path: Path, lights: LightSet, *, force: bool = False) -> None:
             for direction, irradiance, *rest in zip(*(a.tolist() for a in arrays), strict=True)
         ),
     )
-    write_text(path, _to_text(file), force=force)
 
 
 def _check_header(path: Path, file: _LightFile) -> None:

@@ -17,9 +17,8 @@ Newest wins: what a follower was too slow to take is never sent.
 from typing import Any
 
 import msgspec
-import numpy as np
 
-from lighting.light_set import LightSet
+from lighting.light_files import lights_object
 from render.live.desk import LiveFrame
 
 SCHEMA = "fishlight-light-stream/1"
@@ -56,30 +55,3 @@ def stream_message(frame: LiveFrame) -> str:
         lights=None if lights is None else lights_object(lights),
     )
     return msgspec.json.encode(message).decode()
-
-
-def lights_object(lights: LightSet) -> dict[str, Any]:
-    """Return the object of lights.json, with every digit."""
-    columns = {
-        "direction": lights.directions,
-        "irradiance": lights.irradiance,
-        "angular_radius_rad": lights.angular_radius_rad,
-        "is_key": lights.is_key,
-        "shadow_map_px": lights.shadow_map_px,
-    }
-    rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
-    return {
-        "schema": "fishlight-lights/1",
-        "coordinate_frame": (
-            "world: right-handed, +Y up, metres; directions point from the scene toward the light"
-        ),
-        "colour_space": "linear Rec.709",
-        "scale": lights.scale,
-        "source": lights.source,
-        "timestamp_s": lights.timestamp_s,
-        "clipped_fraction": lights.clipped_fraction,
-        "predicted_error": lights.predicted_error,
-        "block_rows": lights.block_rows,
-        "fill": lights.fill.tolist() if lights.fill.any() else [],
-        "lights": [dict(zip(columns, row, strict=True)) for row in rows],
-    }

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from capture.errors import InputError
-from lighting.light_files import read_lights, write_lights
+from lighting.light_files import lights_object, read_lights, write_lights
 from render.live.access import Access
 from render.live.desk import Desk, LiveFrame, Seen, State
 from render.live.following import TOKEN_VARIABLE, StreamLost, follow, parse_address
 from render.live.models import load_models
 from render.live.server import LiveServer
 from render.live.settings import Settings
-from render.live.stream import SCHEMA, lights_object, stream_message
+from render.live.stream import SCHEMA, stream_message
 from render.main import main
 from tests.lighting_sets import random_set
 
