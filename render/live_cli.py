@@ -20,6 +20,7 @@ from lighting.remap_cli import check_map_height
 from render.live.access import LOOPBACK, Access, checked_origins
 from render.live.desk import Desk
 from render.live.models import load_models
+from render.live.picture import LivePicture
 from render.live.running import LiveRequest, Stop, run_live
 from render.live.server import LiveServer
 from render.live.settings import Settings, changed
@@ -126,17 +127,21 @@ def live(
         mains_hz,
         once,
         height,
-        parse_size(size),
         output,
     )
     desk = Desk(settings, load_models(mesh))
-    with LiveServer(desk, access, port) as server, _stopped_by_signals() as stop:
+    with (
+        LivePicture(desk.models, parse_size(size)) as picture,
+        LiveServer(desk, access, port) as server,
+        _stopped_by_signals() as stop,
+    ):
         print(f"{server.address}\nCtrl-C ends the session.", flush=True)
         if not headless and _has_desktop():
             webbrowser.open(server.address)
         counters = run_live(
             request,
             desk,
+            picture,
             stop,
             is_patient=not headless,
             say=lambda text: print(f"fishlight: {text}", file=sys.stderr, flush=True),

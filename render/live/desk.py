@@ -57,7 +57,7 @@ class Seen:
     environment : EnvironmentMap or None
         None where nobody watches.
     picture : (H, W, 4) float32 or None
-        Rendered radiance and alpha; None without OpenGL, or where nobody watches.
+        Rendered radiance and alpha; None where nobody watches.
     view_ev : float
     is_draft : bool
         Whether the picture is to be replaced by a better one.
@@ -107,8 +107,8 @@ class Desk:
         The newest.
     newest : LiveFrame or None
     notice : Notice or None
-    is_watched : bool
-        Whether somebody looks at pictures: the server says so.
+    watchers : int
+        How many look at pictures.
     is_recording : bool
         Whether brackets are being recorded.
     on_change : callable
@@ -121,7 +121,7 @@ class Desk:
         self.settings = settings
         self.newest: LiveFrame | None = None
         self.notice: Notice | None = None
-        self.is_watched = False
+        self.watchers = 0
         self.is_recording = False
         self._requests: list[Request] = []
         self.on_change: Callable[[], None] = lambda: None
@@ -131,6 +131,23 @@ class Desk:
     def listen(self, listener: Callable[[], None]) -> None:
         """Have `listener` called, from whatever thread, when there is something new."""
         self._listeners.append(listener)
+
+    @property
+    def is_watched(self) -> bool:
+        """Whether anybody looks at pictures."""
+        return self.watchers > 0
+
+    def begin_watching(self) -> None:
+        """Count one more who looks at pictures."""
+        with self._lock:
+            self.watchers += 1
+        self.on_change()
+
+    def end_watching(self) -> None:
+        """Count one less."""
+        with self._lock:
+            self.watchers -= 1
+        self.on_change()
 
     def change(self, changes: Mapping[str, Any]) -> None:
         """Change settings.

@@ -3,11 +3,14 @@
 Input  : what was seen of a bracket, and requests.    Output : numbered files in one folder.
 Cost   : a thread of its own encodes and writes. A recording's frames are TIFF without compression;
 while several brackets wait for the disk, further ones are left out and counted.
+Fails  : a disk that is full ends a recording, which can be read, and not the session.
 """
 
 from collections import deque
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
@@ -18,12 +21,8 @@ from capture.errors import FishlightError
 from capture.frame import Bracket
 from capture.recording_writer import RecordingWriter, create_recording
 from capture.sensor import Sensor
-from lighting.export.files import write_scene
-from lighting.export.rig import light_rig
-from lighting.light_files import write_lights
-from lighting.maps.environment_files import write_environment
 from render.live.desk import Desk, Request, Seen
-from render.output.pictures import write_picture
+from render.live.saving import Say, answer, free_place, save
 
 _WAITING = 6
 """Brackets of a recording that may wait for the disk: 20 MB for each exposure of 1280×720."""
@@ -52,16 +51,24 @@ class Results:
     camera : str
     sensor : Sensor
     calibration_path : Path
+    say : callable
     """
 
     def __init__(
-        self, desk: Desk, folder: Path, camera: str, sensor: Sensor, calibration_path: Path
+        self,
+        desk: Desk,
+        folder: Path,
+        camera: str,
+        sensor: Sensor,
+        calibration_path: Path,
+        say: Say,
     ) -> None:
         self._desk = desk
         self._folder = folder
         self._camera = camera
         self._sensor = sensor
         self._calibration_path = calibration_path
+        self._say = say
         self._thread = ThreadPoolExecutor(1, "fishlight-results")
         self._waiting: deque[Future[None]] = deque()
         self._recording: _Recording | None = None
@@ -82,7 +89,7 @@ class Results:
     def look_at(self, bracket: Bracket, seen: Seen) -> None:
         """Do what was asked for, with this bracket; it must not change any more."""
         for request in self._desk.requests():
-            self._thread.submit(self._answered, request, seen)
+            self._thread.submit(self._answer, request, partial(self._done, request, seen))
         if self._recording is None:
             return
         while self._waiting and self._waiting[0].done():
@@ -92,40 +99,17 @@ class Results:
         else:
             self._left_out += 1
 
-    def _answered(self, request: Request, seen: Seen) -> None:
-        try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            text = self._done(request, seen)
-        except (FishlightError, OSError) as error:
-            self._desk.answer(f"{request}: {error}", is_error=True)
-        else:
-            self._desk.answer(text)
+    def _answer(self, request: str, do: Callable[[], str]) -> None:
+        answer(self._desk, self._say, request, do)
 
     def _done(self, request: Request, seen: Seen) -> str:
-        if request == "snapshot":
-            return self._snapshot(seen)
         if request == "record":
             recording = self._recording
             return self._begin_recording() if recording is None else self._end_recording(recording)
-        path = self._free("lights", f".{request.removeprefix('export-')}")
-        write_scene(path, light_rig(seen.lights, seen.environment))
-        return f"Exported {path}"
-
-    def _snapshot(self, seen: Seen) -> str:
-        """Write the lights, and the map and picture if there are any."""
-        path = self._free("snapshot", ".json")
-        write_lights(path, seen.lights)
-        written = [path.name]
-        if seen.environment is not None:
-            write_environment(path.with_suffix(".exr"), seen.environment)
-            written.append(path.with_suffix(".exr").name)
-        if seen.picture is not None:
-            write_picture(path.with_suffix(".png"), seen.picture, seen.view_ev)
-            written.append(path.with_suffix(".png").name)
-        return f"Saved {', '.join(written)} in {self._folder}"
+        return save(self._folder, request, seen)
 
     def _begin_recording(self) -> str:
-        folder = self._free("recording", "")
+        folder = free_place(self._folder, "recording", "")
         opened = ExitStack()
         writer = opened.enter_context(
             create_recording(
@@ -141,36 +125,42 @@ class Results:
         self._desk.is_recording = True
         return f"Recording to {folder}"
 
-    def _end_recording(self, recording: _Recording) -> str:
+    def _end_recording(self, recording: _Recording, trouble: Exception | None = None) -> str:
+        """Complete the recording; an error that ended it, or comes now, is raised with what is."""
         self._recording = None
         self._desk.is_recording = False
-        recording.opened.close()
+        try:
+            recording.opened.close()
+        except (FishlightError, OSError) as error:
+            trouble = trouble or error
         left_out = f", {self._left_out} left out by a slow disk" if self._left_out else ""
-        return f"Recorded {recording.folder}: {self._written} brackets{left_out}"
+        text = f"Recorded {recording.folder}: {self._written} brackets{left_out}"
+        if trouble is not None:
+            raise FishlightError(f"{trouble}. {text}; the session goes on") from trouble
+        return text
 
     def _record(self, bracket: Bracket) -> None:
-        """Write a bracket; an error ends the recording, and what was written can be read."""
-        if self._recording is None:
+        """Write a bracket, whole or not at all; an error ends the recording."""
+        recording = self._recording
+        if recording is None:
             return
-        writer = self._recording.writer
         try:
-            for frame in bracket.frames:
-                blue_first = cv2.cvtColor(frame.counts, cv2.COLOR_RGB2BGR)
-                tiff = cv2.imencode(".tif", blue_first, _UNCOMPRESSED)[1].tobytes()
-                writer.write_encoded(
-                    tiff, ".tif", frame.size_px, frame.exposure, frame.timestamp_s, bracket.index
-                )
+            with recording.writer.whole_bracket():
+                for frame in bracket.frames:
+                    blue_first = cv2.cvtColor(frame.counts, cv2.COLOR_RGB2BGR)
+                    tiff = cv2.imencode(".tif", blue_first, _UNCOMPRESSED)[1].tobytes()
+                    recording.writer.write_encoded(
+                        tiff,
+                        ".tif",
+                        frame.size_px,
+                        frame.exposure,
+                        frame.timestamp_s,
+                        bracket.index,
+                    )
             self._written += 1
         except (FishlightError, OSError) as error:
-            self._desk.answer(f"{self._end_recording(self._recording)}: {error}", is_error=True)
+            self._answer("record", partial(self._end_recording, recording, error))
 
     def _close(self) -> None:
         if self._recording is not None:
-            self._desk.answer(self._end_recording(self._recording))
-
-    def _free(self, kind: str, suffix: str) -> Path:
-        """Return the first of kind-0001, kind-0002, … that is not there."""
-        number = 1
-        while any(self._folder.glob(f"{kind}-{number:04d}*")):
-            number += 1
-        return self._folder / f"{kind}-{number:04d}{suffix}"
+            self._answer("record", partial(self._end_recording, self._recording))

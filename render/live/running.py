@@ -5,8 +5,6 @@ calibration are looked for again every two seconds. Without a watcher it is an e
 """
 
 import time
-from collections.abc import Callable
-from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Event
@@ -17,9 +15,9 @@ from capture.v4l2.camera import CameraRequest
 from render.live.desk import Desk, State, StateName
 from render.live.picture import LivePicture
 from render.live.results import Results
+from render.live.saving import Say
 from render.live.session import LiveSession
 from render.live.sources import PacedRecording, Source, open_source
-from render.opengl.context import GlUnavailable
 from render.session import Counters
 
 RETRY_S = 2.0
@@ -40,7 +38,6 @@ class LiveRequest:
     once : bool
         Whether a recording ends at its end.
     map_height : int
-    picture_px : (int, int)
     output : Path
         Folder for what is saved.
     """
@@ -50,7 +47,6 @@ class LiveRequest:
     mains_hz: float | None
     once: bool
     map_height: int
-    picture_px: tuple[int, int]
     output: Path
 
 
@@ -94,10 +90,11 @@ class Missing(FishlightError):
 def run_live(
     request: LiveRequest,
     desk: Desk,
+    picture: LivePicture | None,
     stop: Stop,
     *,
     is_patient: bool,
-    say: Callable[[str], None] = lambda _text: None,
+    say: Say = lambda _text: None,
 ) -> Counters:
     """Run sessions until `stop` is set or the source ends by itself; return the counters.
 
@@ -105,11 +102,13 @@ def run_live(
     ----------
     request : LiveRequest
     desk : Desk
+    picture : LivePicture or None
+        None draws nothing.
     stop : Stop
     is_patient : bool
         Whether to wait for what is missing.
     say : callable
-        Told of what is missing, once.
+        Told of what is missing, once, and of what was saved.
 
     Raises
     ------
@@ -117,23 +116,19 @@ def run_live(
         If something is missing and `is_patient` is not set.
     """
     desk.publish(State("starting", f"Opening {request.camera.device}."), None, 0.0, {})
-    with ExitStack() as opened:
-        picture = None
-        with suppress(GlUnavailable):  # the page says so; lights go on without
-            picture = opened.enter_context(LivePicture(desk.models, request.picture_px))
-        told = ""
-        while True:
-            try:
-                return _run_once(request, desk, picture, stop)
-            except Missing as missing:
-                if not is_patient:
-                    raise
-                _tell(desk, missing)
-                if str(missing) != told:
-                    told = str(missing)
-                    say(f"{told}; looking for it until it is there")
-                if stop.wait(RETRY_S):
-                    return Counters()
+    told = ""
+    while True:
+        try:
+            return _run_once(request, desk, picture, stop, say)
+        except Missing as missing:
+            if not is_patient:
+                raise
+            _tell(desk, missing)
+            if str(missing) != told:
+                told = str(missing)
+                say(f"{told}; looking for it until it is there")
+            if stop.wait(RETRY_S):
+                return Counters()
 
 
 def _tell(desk: Desk, missing: Missing) -> None:
@@ -150,6 +145,7 @@ def _run_once(
     desk: Desk,
     picture: LivePicture | None,
     stop: Stop,
+    say: Say,
 ) -> Counters:
     exposures_s = desk.settings.exposures_s
     try:
@@ -168,7 +164,7 @@ def _run_once(
             calibration.check_size(source.size_px, source.name)
         except InputError as error:
             raise Missing("calibration", error) from error
-        with Results(desk, request.output, source.name, source.sensor, path) as results:
+        with Results(desk, request.output, source.name, source.sensor, path, say) as results:
             session = LiveSession(
                 desk, source, calibration, request.map_height, picture, results.look_at
             )

@@ -15,38 +15,23 @@ from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
-import msgspec
-from aiohttp import WSMsgType, web
+from aiohttp import web
 
-from capture.errors import FishlightError, InputError
+from capture.errors import InputError
 from render.live.access import Access, offered_token
 from render.live.channel import Channel
-from render.live.desk import Desk, Request
+from render.live.conversing import VIOLATION, obey, send_newest
+from render.live.desk import Desk
 from render.live.encoding import encode_frame
-from render.live.limits import (
-    HEARTBEAT_S,
-    MOST_CLIENTS,
-    MOST_MESSAGE_BYTES,
-    SEND_TIMEOUT_S,
-    Allowance,
-)
+from render.live.limits import HEARTBEAT_S, MOST_CLIENTS, MOST_MESSAGE_BYTES
 from render.live.page import HEADERS, refusal, serve_page
 from render.live.stream import PROTOCOL, stream_message
 
-_TOO_MANY = 1013  # WebSocket close codes, RFC 6455 and IANA's registry
-_VIOLATION = 1008
+_TOO_MANY = 1013  # WebSocket close code, IANA's registry
 _LAST_WORDS_S = 0.2  # for clients to take them, before their connections are closed
 _IN_FLIGHT = 2  # pictures sent that were not yet said to be shown
-
-
-class _Message(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a viewer may say."""
-
-    set: dict[str, Any] | None = None
-    ask: Request | None = None
-    shown: int | None = None
 
 
 class LiveServer:
@@ -212,25 +197,25 @@ class LiveServer:
             raise web.HTTPForbidden  # other pages follow the lights and steer nothing
         socket = await self._opened(request, self._viewers)
         if not socket.closed:
-            self._desk.is_watched = True
-            self._desk.on_change()
+            self._desk.begin_watching()
             self._news.set()
             shown = asyncio.BoundedSemaphore(_IN_FLIGHT)
-            sending = asyncio.create_task(self._send_newest(socket, self._view, shown))
+            sending = asyncio.create_task(send_newest(socket, self._view, shown))
             try:
-                await self._obey(socket, shown)
+                await obey(socket, self._desk, shown)
             finally:
                 sending.cancel()
+                self._desk.end_watching()
         self._left(socket)
         return socket
 
     async def _serve_lights(self, request: web.Request) -> web.StreamResponse:
         socket = await self._opened(request, self._followers)
         if not socket.closed:
-            sending = asyncio.create_task(self._send_newest(socket, self._lights))
+            sending = asyncio.create_task(send_newest(socket, self._lights))
             try:
                 async for _ in socket:  # followers have nothing to say
-                    await socket.close(code=_VIOLATION)
+                    await socket.close(code=VIOLATION)
             finally:
                 sending.cancel()
         self._left(socket)
@@ -257,45 +242,3 @@ class LiveServer:
     def _left(self, socket: web.WebSocketResponse) -> None:
         self._viewers.discard(socket)
         self._followers.discard(socket)
-        self._desk.is_watched = bool(self._viewers)
-
-    async def _send_newest(
-        self,
-        socket: web.WebSocketResponse,
-        channel: Channel[Any],
-        shown: asyncio.Semaphore | None = None,
-    ) -> None:
-        number = 0
-        with suppress(ConnectionError, asyncio.CancelledError):
-            while not socket.closed:
-                if shown is not None:
-                    await shown.acquire()
-                number, message = await channel.after(number)
-                send = socket.send_bytes if isinstance(message, bytes) else socket.send_str
-                try:
-                    await asyncio.wait_for(send(message), SEND_TIMEOUT_S)
-                except TimeoutError:
-                    await socket.close(code=_VIOLATION, message=b"too slow")
-
-    async def _obey(self, socket: web.WebSocketResponse, shown: asyncio.Semaphore) -> None:
-        """Do what a viewer says until it leaves or says too much."""
-        allowance = Allowance()
-        async for message in socket:
-            if message.type is not WSMsgType.TEXT or not allowance.take():
-                await socket.close(code=_VIOLATION, message=b"too much, or not understood")
-                return
-            try:
-                said = msgspec.json.decode(message.data, type=_Message)
-            except (msgspec.DecodeError, UnicodeError, RecursionError):
-                await socket.close(code=_VIOLATION, message=b"not understood")
-                return
-            if said.shown is not None:
-                with suppress(ValueError):  # more was shown than sent, it says
-                    shown.release()
-            try:
-                if said.set is not None:
-                    self._desk.change(said.set)
-                if said.ask is not None:
-                    self._desk.ask(said.ask)
-            except FishlightError as error:
-                self._desk.answer(str(error), is_error=True)

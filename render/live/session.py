@@ -67,7 +67,7 @@ class LiveSession:
     map_height : int
         Rows of the lat-long maps.
     picture : LivePicture or None
-        None without OpenGL.
+        None draws nothing.
     work : callable
         Told of each bracket and what was seen of it, for recordings and snapshots.
     """
@@ -247,7 +247,6 @@ class LiveSession:
             "size_px": self._source.size_px,
             "is_camera": isinstance(self._source, LiveSource),
             "reopened": self._source.reopened_count,
-            "gl": self._picture.gl if self._picture else None,
         }
 
 

@@ -4,7 +4,7 @@ import { Connection } from "./connection.js";
 import { Controls } from "./controls.js";
 import { LightMap } from "./map.js";
 import { Orbit } from "./orbit.js";
-import { forgetImage, showImage } from "./panels.js";
+import { showImage } from "./panels.js";
 import { Strip } from "./strip.js";
 
 const byId = (id) => document.getElementById(id);
@@ -20,7 +20,6 @@ const STATES = {
   lost: "no connection",
 };
 const STALE = new Set(["away", "no-camera", "calibration", "ended", "lost"]);
-const NO_GL = "No OpenGL on this machine: lights go on without a picture. `fishlight doctor` says what to install.";
 const TOAST_MS = 6000;
 
 const connection = new Connection(onMoment, onLost);
@@ -47,10 +46,6 @@ async function onMoment(header, images) {
   byId("draft").hidden = !(header.is_draft && images.picture);
   byId("freeze").setAttribute("aria-pressed", settings.is_frozen);
   byId("record").setAttribute("aria-pressed", header.is_recording);
-  if (header.account.gl === null) {
-    forgetImage("picture");
-    byId("picture-empty").textContent = NO_GL;
-  }
   showNotice(header.notice);
   document.body.dataset.number = header.number;
   document.body.dataset.shown = Number(document.body.dataset.shown ?? 0) + 1;

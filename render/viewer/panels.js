@@ -11,7 +11,3 @@ export function showImage(name, image) {
   }
   canvas.getContext("2d").drawImage(image, 0, 0);
 }
-
-export function forgetImage(name) {
-  document.getElementById(`${name}-panel`).classList.remove("has-image");
-}

@@ -7,8 +7,6 @@ import pytest
 from render.main import main
 from tests.render.live_recording import make_recording
 
-pytestmark = pytest.mark.gl
-
 SMALL = ["--size", "32x24", "--height", "32", "--headless"]
 ANY_PORT = ["--port", "0"]
 

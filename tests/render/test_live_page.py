@@ -22,7 +22,7 @@ from render.live.server import LiveServer
 from render.live.settings import Settings
 from tests.render.live_recording import make_recording
 
-pytestmark = [pytest.mark.gl, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 LIVE = [sys.executable, "-c", "from render.main import main; main()", "live"]
 IN_FLIGHT = 2
@@ -349,14 +349,6 @@ def test_every_trouble_has_its_state_and_passes(browser, state, told):
             desk.publish(State("running"), None, 0.0, {})
             wait_for_text(page, "#chip-text", "live")
             assert page.locator("#banner").is_hidden()
-
-
-def test_without_opengl_the_page_says_so(browser):
-    desk = Desk(Settings(), load_models(()))
-    with LiveServer(desk, Access()) as server:
-        desk.publish(State("running"), None, 0.0, {"gl": None})
-        for page in opened(browser, server.address, has_images=False):
-            page.get_by_text("No OpenGL on this machine").wait_for()
 
 
 def test_a_session_that_ended_is_told_and_not_as_a_lost_connection(browser):

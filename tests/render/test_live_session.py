@@ -1,8 +1,10 @@
 """A live session by itself: every bracket accounted for, every change shown, trouble told."""
 
+import resource
 import time
 from dataclasses import dataclass, field, replace
 
+import moderngl
 import numpy as np
 import pytest
 
@@ -18,11 +20,11 @@ from lighting.maps.environment_files import read_environment
 from render.live import running
 from render.live.desk import Desk
 from render.live.models import load_models
+from render.live.picture import LivePicture
 from render.live.results import Results
 from render.live.running import LiveRequest, Stop, run_live
 from render.live.session import LiveSession
 from render.live.settings import Settings
-from render.opengl.context import GlUnavailable
 from tests.capture.fake_camera import FakePort, scene
 from tests.render.live_recording import make_recording
 
@@ -87,7 +89,7 @@ class Ran:
 def run(recording, count=6, *, before=None, instead=None, settings=None, watched=True, work=None):
     """Return what came of a session of `count` brackets; `before` takes the desk and a number."""
     desk = Desk(settings or Settings(count=20), MODELS)
-    desk.is_watched = watched
+    desk.watchers = int(watched)
     moments = {}
     desk.listen(lambda: desk.newest and moments.setdefault(desk.newest.number, desk.newest))
     act = before or (lambda _desk, _number: None)
@@ -222,12 +224,14 @@ def test_snapshot_export_and_recording_can_be_read_again(recording, tmp_path):
         for request in {1: ("snapshot", "export-usda", "record"), 4: ("record",)}.get(number, ()):
             desk.ask(request)
 
-    results = []
+    results, said = [], []
 
     def work(desk, bracket, seen):
         if not results:
             results.append(
-                Results(desk, output, "cam", recording.sensor, recording.calibration_path)
+                Results(
+                    desk, output, "cam", recording.sensor, recording.calibration_path, said.append
+                )
             )
         results[0].look_at(bracket, seen)
         results[0]._thread.submit(lambda: None).result()  # what was asked for is done
@@ -252,26 +256,60 @@ def test_snapshot_export_and_recording_can_be_read_again(recording, tmp_path):
     assert not ran.desk.is_recording
 
 
+def results_of(desk, folder, recording, say):
+    return Results(desk, folder, "", recording.sensor, recording.calibration_path, say)
+
+
 def test_a_result_that_cannot_be_written_is_told_and_the_session_goes_on(recording, tmp_path):
     (tmp_path / "file").write_text("")
-    desk = Desk(Settings(), MODELS)
+    desk, said = Desk(Settings(), MODELS), []
     seen = run(recording, 1).moments[0].seen
     desk.ask("snapshot")
-    with Results(
-        desk, tmp_path / "file/x", "", recording.sensor, recording.calibration_path
-    ) as results:
+    with results_of(desk, tmp_path / "file/x", recording, said.append) as results:
         results.look_at(recording.read_bracket(0), seen)
     assert desk.notice.is_error
     assert desk.notice.text.startswith("snapshot: ")
+    assert said == [desk.notice.text]
+
+
+@pytest.mark.parametrize("limit", [2000, 9500])
+def test_a_full_disk_ends_a_recording_and_not_the_session(recording, tmp_path, limit):
+    # A limit on the size of a file fails as a full disk does. A frame has 9.4 kB: under the smaller
+    # limit none fits, under the larger the journal is full after some.
+    desk, said = Desk(Settings(count=5), MODELS), []
+    seen, bracket = run(recording, 1).moments[0].seen, recording.read_bracket(0)
+    older = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with results_of(desk, tmp_path / "out", recording, said.append) as results:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, older[1]))
+        try:
+            desk.ask("record")
+            for number in range(40):
+                results.look_at(replace(bracket, index=number), seen)
+                results._thread.submit(lambda: None).result()
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, older)
+        assert not desk.is_recording
+        assert desk.notice.is_error
+        assert "cannot be written (File too large)" in desk.notice.text
+        assert "the session goes on" in desk.notice.text
+        assert [text.partition(":")[0] for text in said] == [
+            f"Recording to {tmp_path}/out/recording-0001",
+            "record",
+        ]
+        desk.ask("snapshot")  # there is room again
+        results.look_at(bracket, seen)
+    assert not desk.notice.is_error
+    written = int(said[1].partition("recording-0001: ")[2].partition(" ")[0])
+    assert (written > 5) == (limit > 9000)
+    if written:
+        recorded = open_recording(tmp_path / "out/recording-0001")
+        assert [len(each.frames) for each in recorded] == [2] * written
 
 
 def live_request(device, calibration=None):
-    return LiveRequest(
-        CameraRequest(str(device)), calibration, None, True, 32, (32, 24), device / "out"
-    )
+    return LiveRequest(CameraRequest(str(device)), calibration, None, True, 32, device / "out")
 
 
-@pytest.mark.gl
 @pytest.mark.parametrize("is_patient", [True, False])
 def test_what_is_missing_is_waited_for_or_refused(recording, monkeypatch, is_patient):
     """First there is no calibration, and then there is."""
@@ -291,14 +329,13 @@ def test_what_is_missing_is_waited_for_or_refused(recording, monkeypatch, is_pat
     request = live_request(recording.folder, calibration)
     if not is_patient:
         with pytest.raises(running.Missing, match=r"later\.json"):
-            run_live(request, desk, Stop(), is_patient=False)
+            run_live(request, desk, None, Stop(), is_patient=False)
         return
-    counters = run_live(request, desk, Stop(), is_patient=True)
+    counters = run_live(request, desk, None, Stop(), is_patient=True)
     assert states == ["starting", "calibration", "running", "ended"]
     assert counters.captured == counters.replaced + counters.rendered == 3
 
 
-@pytest.mark.gl
 def test_a_calibration_for_another_size_and_a_camera_that_is_not_there_are_states(
     recording, tmp_path
 ):
@@ -313,7 +350,7 @@ def test_a_calibration_for_another_size_and_a_camera_that_is_not_there_are_state
         desk.listen(
             lambda desk=desk, stop=stop, name=name: desk.newest.state.name == name and stop.set()
         )
-        run_live(request, desk, stop, is_patient=True)
+        run_live(request, desk, None, stop, is_patient=True)
         assert desk.newest.state.name == name
 
 
@@ -343,24 +380,21 @@ def test_a_camera_exposes_as_is_asked_for_and_says_what_it_cannot_do(recording):
     assert counters.captured == counters.replaced + counters.rendered
 
 
-def test_without_opengl_there_are_lights_and_no_picture(recording, monkeypatch):
-    def unavailable(*_):
-        raise GlUnavailable("no driver")
+def test_without_opengl_a_picture_is_drawn_all_the_same(recording, monkeypatch):
+    def unavailable(*_, **__):
+        raise RuntimeError("no driver")
 
-    monkeypatch.setattr(running, "LivePicture", unavailable)
-    desk = Desk(Settings(), MODELS)
-    desk.is_watched = True
-    moments = []
-    desk.listen(lambda: moments.append(desk.newest))
-    run_live(live_request(recording.folder), desk, Stop(), is_patient=False)
-    shown = next(moment for moment in moments if moment.state.name == "running")
-    assert shown.account["gl"] is None
-    assert shown.seen.picture is None
-    assert shown.seen.environment is not None
-    assert len(shown.seen.lights) > 0
+    monkeypatch.setattr(moderngl, "create_context", unavailable)
+    desk = Desk(Settings(count=5), MODELS)
+    desk.begin_watching()
+    pictures = []
+    desk.listen(lambda: desk.newest.seen and pictures.append(desk.newest.seen.picture))
+    with LivePicture(MODELS, (32, 24)) as picture:
+        run_live(live_request(recording.folder), desk, picture, Stop(), is_patient=False)
+    assert len(pictures) >= 3
+    assert all(np.count_nonzero(drawn[..., :3]) > 300 for drawn in pictures)
 
 
-@pytest.mark.gl
 def test_what_was_seen_last_ages_while_the_camera_is_looked_for(tmp_path, monkeypatch):
     monkeypatch.setattr(running, "RETRY_S", 0.01)
     desk, stop, ages_s = Desk(Settings(), MODELS), Stop(), []
@@ -372,7 +406,7 @@ def test_what_was_seen_last_ages_while_the_camera_is_looked_for(tmp_path, monkey
 
     desk.listen(listen)
     said = []
-    run_live(live_request(tmp_path / "nothing"), desk, stop, is_patient=True, say=said.append)
+    run_live(live_request(tmp_path / "nothing"), desk, None, stop, is_patient=True, say=said.append)
     assert len(said) == 1
     assert "nothing" in said[0]
     assert ages_s == sorted(ages_s)
