@@ -123,7 +123,7 @@ def write_lights(path: Path, lights: LightSet, *, force: bool = False) -> None:
 
 def lights_object(lights: LightSet) -> dict[str, Any]:
     """Return what lights.json holds of `lights`, as the object that JSON makes of it."""
-    held: dict[str, Any] = msgspec.to_builtins(_file_of(lights))
+    held: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(_file_of(lights)))
     return held
 
 
