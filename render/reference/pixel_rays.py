@@ -13,6 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from render.rays.embree import PACKET
+from render.scenes.scene import Camera
 
 Floats = NDArray[np.float32]
 
@@ -20,6 +21,17 @@ SIDE = 4
 """Pixels along the side of a tile: 16, a packet."""
 
 _TO_UNIT = 1 / 2.0**32
+
+
+def view_of(camera: Camera) -> Floats:
+    """Return the eye, the direction toward the upper left corner, what a column and a row add."""
+    right, up, backward = camera.axes()
+    across, half_height = camera.half_extent()
+    width, height = camera.size_px
+    corner = half_height * up - across * right - backward
+    return np.array(
+        [camera.eye, corner, 2 * across / width * right, -2 * half_height / height * up], np.float32
+    )
 
 
 @njit(nogil=True)

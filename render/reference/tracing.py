@@ -24,7 +24,7 @@ from render.reference.accumulation import Progress, accumulate, mean_and_varianc
 from render.reference.emitters import draw_pool, emitters_of
 from render.reference.irradiance import irradiance_of
 from render.reference.passes import Rays, Sums, add_pass
-from render.reference.pixel_rays import SIDE
+from render.reference.pixel_rays import SIDE, view_of
 from render.reference.surfaces import scene_tables
 from render.scenes.scene import Camera, Scene
 
@@ -95,7 +95,7 @@ def render_reference(
     emitters = emitters_of(light, above_horizon=scene.ground is not None)
     rows = np.arange(-(-camera.size_px[1] // SIDE))
     rows = rows[np.argsort(rows * _GOLDEN % 1)]
-    view = _view(camera)
+    view = view_of(camera)
     with Occluders(tables.positions, tables.faces) as occluders:
         functions = intersect16_address(), occluded16_address()
 
@@ -131,14 +131,4 @@ def picture_of(progress: Progress) -> ReferencePicture:
         progress.relative_error,
         progress.passes,
         int(progress.sums.rays.sum()),
-    )
-
-
-def _view(camera: Camera) -> NDArray[np.float32]:
-    right, up, backward = camera.axes()
-    across, half_height = camera.half_extent()
-    width, height = camera.size_px
-    corner = half_height * up - across * right - backward
-    return np.array(
-        [camera.eye, corner, 2 * across / width * right, -2 * half_height / height * up], np.float32
     )

@@ -1,0 +1,63 @@
+"""What an estimator is: from surfaces that a picture shows, to the light they send to the eye.
+
+An estimator is prepared once for the light and the scene. Then it is given surfaces, sixteen to a
+packet, a number of samples and a seed, and adds an estimate of what each surface reflects of the
+light that comes straight from the map. Another seed gives an independent estimate. Loops over
+packets are compiled and parallel, their rays go to Embree in packets; none calls Python.
+
+tests/render/test_estimator_contract.py states what each keeps to.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.maps.environment import EnvironmentMap
+
+Floats = NDArray[np.float32]
+
+
+class Shadows(NamedTuple):
+    """What stands between surfaces and light.
+
+    Attributes
+    ----------
+    function, scene : int
+        Addresses of Embree's rtcOccluded16 and scene.
+    sphere : (4,) float32
+        Centre and radius of a sphere around the meshes: rays that miss it need no tracing.
+    lowest : float
+        From directions whose y is not above this no light comes.
+    """
+
+    function: int
+    scene: int
+    sphere: Floats
+    lowest: float
+
+
+class Setting(NamedTuple):
+    """What an estimator is prepared for.
+
+    Attributes
+    ----------
+    environment : EnvironmentMap
+        All light; black where a ground keeps it off.
+    shadows : Shadows
+    """
+
+    environment: EnvironmentMap
+    shadows: Shadows
+
+
+Estimate = Callable[[Floats, int, int, Floats], int]
+"""estimate(surfaces, samples, seed, radiance): adds to `radiance`, returns how many rays it traced.
+
+surfaces (P, FIELDS, 16) float32 are as `reference.surfaces.find_surfaces` sets them; radiance is
+(P, 3, 16) float32, red, green, blue. Surfaces that are no hit get nothing. `samples` is the number
+of directions that are drawn for each surface; not all of them need a ray.
+"""
+
+Prepare = Callable[[Setting], Estimate]

@@ -1,0 +1,40 @@
+"""Evenly spread points of the unit square, moved at random for each surface.
+
+The (0, 2)-sequence with a random digital shift: each point by itself is even in the square,
+whatever their number, and all of them still spread evenly.
+"""
+
+from functools import cache
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from lighting.sampling.low_discrepancy import low_discrepancy_points
+from render.reference.pixel_rays import mixed
+
+Points = NDArray[np.uint32]
+
+_BITS = 2.0**32
+
+
+@cache
+def net(count: int) -> Points:
+    """Return the first `count` points of the sequence, (count, 2), as 32 bits each."""
+    points = (low_discrepancy_points(count) * _BITS).astype(np.uint32)
+    points.setflags(write=False)
+    return points
+
+
+@njit(nogil=True)
+def shift_of(seed: int, k: int, i: int) -> np.uint64:  # pragma: no cover - compiled
+    """Return the shift of surface `i` of packet `k`: 64 random bits."""
+    return mixed(mixed(np.uint64(seed)) ^ np.uint64(k << 8 | i))
+
+
+@njit(nogil=True)
+def shifted(points: Points, s: int, shift: np.uint64) -> tuple[float, float]:  # pragma: no cover
+    """Return point `s`, moved, in [0, 1)²."""
+    u = np.uint64(points[s, 0]) ^ (shift >> np.uint64(32))
+    v = np.uint64(points[s, 1]) ^ (shift & np.uint64(0xFFFFFFFF))
+    return np.float64(u) * (1 / _BITS), np.float64(v) * (1 / _BITS)

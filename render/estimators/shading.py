@@ -1,0 +1,114 @@
+"""What every estimator does with the directions it has drawn: reflect their light, look for shadow.
+
+Directions come sixteen at a time, one for each surface of a packet, as rows of an array `light`
+(FIELDS, 16) float32: `TOWARD` (3), and `CARRIED` (3), red, green and blue: radiance over density
+and number of samples, for instance. Where that is 0 nothing is computed or traced.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from render.estimators.contract import Shadows
+from render.rays.embree import PACKET, coherent16
+from render.reference.surfaces import (
+    ALPHA2,
+    F0,
+    F90,
+    FACE_NORMAL,
+    FAR_M,
+    HIT,
+    MATT,
+    NORMAL,
+    TO_EYE,
+)
+
+Floats = NDArray[np.float32]
+
+TOWARD, CARRIED = 0, 3
+FIELDS = 6
+"""Rows of `light`."""
+
+_0, _1, _HALF, _PI = np.float32(0), np.float32(1), np.float32(0.5), np.float32(math.pi)
+
+
+@njit(nogil=True, error_model="numpy", fastmath={"contract"})
+def reflect(shadows: Shadows, surface: Floats, light: Floats) -> None:  # pragma: no cover
+    """Multiply what directions carry by f n·l, 0 from below a surface, its face or the ground."""
+    lowest = np.float32(shadows.lowest)
+    for i in range(PACKET):
+        x, y, z = light[TOWARD, i], light[TOWARD + 1, i], light[TOWARD + 2, i]
+        nx, ny, nz = surface[NORMAL, i], surface[NORMAL + 1, i], surface[NORMAL + 2, i]
+        ex, ey, ez = surface[TO_EYE, i], surface[TO_EYE + 1, i], surface[TO_EYE + 2, i]
+        n_l = x * nx + y * ny + z * nz
+        facing = (
+            surface[FACE_NORMAL, i] * x
+            + surface[FACE_NORMAL + 1, i] * y
+            + surface[FACE_NORMAL + 2, i] * z
+        )
+        is_lit = (surface[HIT, i] > _0) & (n_l > _0) & (facing > _0) & (y > lowest)
+        n_l = n_l if is_lit else _0
+        # As reference/reflection.py has it, in float32, for sixteen at once.
+        alpha2 = surface[ALPHA2, i]
+        hx, hy, hz = ex + x, ey + y, ez + z
+        scale = _1 / np.sqrt(max(hx * hx + hy * hy + hz * hz, np.float32(1e-12)))
+        hx, hy, hz = scale * hx, scale * hy, scale * hz
+        n_v = ex * nx + ey * ny + ez * nz
+        n_h = nx * hx + ny * hy + nz * hz
+        cx, cy, cz = ny * hz - nz * hy, nz * hx - nx * hz, nx * hy - ny * hx
+        spread = cx * cx + cy * cy + cz * cz + alpha2 * n_h * n_h
+        seen = np.sqrt(n_v * n_v * (_1 - alpha2) + alpha2)
+        lit = np.sqrt(n_l * n_l * (_1 - alpha2) + alpha2)
+        mirror = _HALF * alpha2 * n_l / (_PI * spread * spread * (n_l * seen + n_v * lit))
+        c = _1 - min(ex * hx + ey * hy + ez * hz, _1)
+        grazing = c * c * c * c * c
+        for k in range(3):
+            f0 = surface[F0 + k, i]
+            fresnel = f0 + (surface[F90, i] - f0) * grazing
+            passed = (_1 - fresnel) * surface[MATT + k, i] * n_l + fresnel * mirror
+            light[CARRIED + k, i] = light[CARRIED + k, i] * passed if is_lit else _0
+
+
+@njit(nogil=True, fastmath={"contract"})
+def add_visible(
+    shadows: Shadows,
+    surface: Floats,
+    light: Floats,
+    shadow: tuple[Any, Any],
+    total: Floats,
+) -> int:  # pragma: no cover - compiled
+    """Add what directions carry in which nothing stands to `total`; return the rays traced.
+
+    `shadow` is memory of `embree.packet`, whose origins `start_at` has set.
+    """
+    rays, valid = shadow
+    sphere = shadows.sphere
+    needed = np.int32(0)
+    for i in range(PACKET):
+        x, y, z = light[TOWARD, i], light[TOWARD + 1, i], light[TOWARD + 2, i]
+        dx, dy, dz = sphere[0] - rays[0, i], sphere[1] - rays[1, i], sphere[2] - rays[2, i]
+        along = dx * x + dy * y + dz * z
+        off2 = dx * dx + dy * dy + dz * dz - along * along
+        meets = (off2 < sphere[3] * sphere[3]) & (along > -sphere[3])
+        carries = light[CARRIED, i] + light[CARRIED + 1, i] + light[CARRIED + 2, i] > _0
+        valid[i] = -np.int32(carries & meets)
+        needed |= valid[i]
+        rays[4, i], rays[5, i], rays[6, i], rays[8, i] = x, y, z, FAR_M
+    traced = 0
+    if needed != 0:
+        coherent16(shadows.function, valid.ctypes.data, shadows.scene, rays.ctypes.data)  # type: ignore[call-arg]
+        for i in range(PACKET):
+            traced -= valid[i]
+    for k in range(3):
+        for i in range(PACKET):
+            total[k, i] += light[CARRIED + k, i] if rays[8, i] > _0 else _0
+    return traced
+
+
+@njit(nogil=True)
+def start_at(surface: Floats, shadow: tuple[Any, Any]) -> None:  # pragma: no cover - compiled
+    """Let rays begin at the surfaces of a packet."""
+    shadow[0][0:3] = surface[0:3]
