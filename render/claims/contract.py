@@ -1,0 +1,54 @@
+"""What a claim is, and what was found of it."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import msgspec
+
+from lighting.maps.environment import EnvironmentMap
+
+CONFIRMED, NOT_CONFIRMED, PARTLY = "confirmed", "not confirmed", "confirmed in part"
+
+
+class Finding(msgspec.Struct, frozen=True):
+    """What was measured in one setting: a map, a surface, a number of lights.
+
+    `figures` are plain numbers by what they are, with their unit. `holds` is None where the claim
+    says nothing of such a setting, and the figures stand there for comparison.
+    """
+
+    setting: str
+    figures: dict[str, float]
+    holds: bool | None
+
+
+Maps = Mapping[str, EnvironmentMap]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What somebody says, and how it is measured here.
+
+    Attributes
+    ----------
+    name, says, source : str
+        In a few words; in a sentence; who, where and when.
+    test : str
+        What is measured, and when it is said to hold.
+    measure : callable
+        From maps by name to findings.
+    """
+
+    name: str
+    says: str
+    source: str
+    test: str
+    measure: Callable[[Maps], list[Finding]]
+
+
+def verdict(findings: Sequence[Finding]) -> str:
+    """Return whether a claim is confirmed, by all settings that it speaks of, some or none."""
+    held = [finding.holds for finding in findings if finding.holds is not None]
+    if all(held):
+        return CONFIRMED
+    return f"{PARTLY}, {sum(held)} of {len(held)} settings" if any(held) else NOT_CONFIRMED

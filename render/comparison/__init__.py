@@ -1,0 +1,1 @@
+"""The estimators side by side: error against time, and pictures at equal time."""
