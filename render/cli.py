@@ -3,6 +3,7 @@
 COMMANDS: tuple[tuple[str, str], ...] = (
     ("render.render_cli:render", "render"),
     ("render.replay_cli:replay_command", "replay"),
+    ("render.batch_cli:batch", "batch"),
     ("render.live_cli:live", "live"),
     ("render.follow_cli:follow_command", "follow"),
     ("render.doctor_cli:doctor", "doctor"),

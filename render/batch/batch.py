@@ -1,8 +1,9 @@
 """Many recordings to radiance, maps, lights and previews, on this machine or on a cluster.
 
 Input  : folders of recordings.
-Output : a folder with index.sqlite, a row for each frame, and for each recording a folder with
-radiance/, maps/, lights/ and previews/. Maps and lights are, byte for byte, those of a replay.
+Output : a folder with index.sqlite, a row for each frame, report.json about the last batch, and for
+each recording a folder with radiance/, maps/, lights/ and previews/. Maps and lights are, byte for
+byte, those of a replay.
 Results that are there already stay as they are (runs.py); a batch that was stopped by anything is
 started again, and goes on. At most a run of frames for each worker is done twice.
 Cost   : see tests/benchmarks/batch.py.
@@ -18,16 +19,17 @@ from functools import partial
 from pathlib import Path
 
 from capture.errors import InputError
-from capture.output import check_place
+from capture.output import check_place, write_json
 from capture.recording import open_recording
 from lighting.measures.sequence_table import SequenceTable
 from render.batch.cluster import connected
-from render.batch.frames import RunRecord
+from render.batch.frames import RunRecord, error_line
 from render.batch.runs import RUN_LENGTH, Settings, open_job
 from render.batch.sequence import RecordingSequence
 from render.batch.tracking import FrameSequence, Tracker
 
 INDEX_NAME = "index.sqlite"
+REPORT_NAME = "report.json"
 
 _TOLD = 50
 """Failures that a summary names; the index has those of all frames."""
@@ -70,10 +72,10 @@ class BatchSummary:
         for row in failed:
             self._tell(f"{row.recording}, bracket {row.bracket}: {row.failure}")
 
-    def stop(self, name: str, error: BaseException) -> None:
+    def stop(self, reason: str) -> None:
         """Count a recording that cannot be worked on."""
         self.stopped_recordings += 1
-        self._tell(f"{name}: {error}")
+        self._tell(reason)
 
     def _tell(self, reason: str) -> None:
         if len(self.reasons) < _TOLD:
@@ -134,9 +136,9 @@ def run_batch(
                 try:
                     job, brackets = open_job(path, output, settings, calibration_path)
                     if job.folder in names:
-                        raise InputError("the same recording as another that was named")
+                        raise InputError(f"{path}: the same recording as another that was named")
                 except InputError as error:
-                    summary.stop(str(path), error)
+                    summary.stop(str(error))
                     continue
                 names.add(job.folder)
                 yield RecordingSequence(job, brackets, partial(conclude, is_kept=True), run_length)
@@ -145,9 +147,12 @@ def run_batch(
             tracker = Tracker(
                 client,
                 conclude,
-                lambda sequence, error: summary.stop(sequence.job.recording.folder.name, error),
+                lambda sequence, error: summary.stop(
+                    f"{sequence.job.recording.folder}: {error_line(error)}"
+                ),
             )
             tracker.run_all(sequences())
+    write_json(output / REPORT_NAME, {"schema": "fishlight-batch-report/1", **vars(summary)})
     return summary
 
 

@@ -182,9 +182,16 @@ def preview_run(job: Job, prepared: Sequence[PreparedFrame], lit: LitRun) -> Non
         name, shown = lit.record.rows[position].preview_file, prepared[position].shown
         if name is None or shown is None:
             raise ValueError("lights are only kept for frames that are to have a preview")
-        path = job.folder.parent / name
-        if not path.exists():
-            write_png(path, with_lights(shown, lights))
+        _write_missing(job, name, partial(_write_preview, shown=shown, lights=lights))
+
+
+def error_line(error: BaseException) -> str:
+    """Return what went wrong in a line; of a defect of fishlight also where."""
+    if isinstance(error, FishlightError):
+        return str(error)
+    frames = traceback.extract_tb(error.__traceback__)
+    place = f" in {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
+    return f"{type(error).__name__}{place}: {error}"
 
 
 def _prepare_frame(
@@ -239,7 +246,7 @@ def _see(
         except Exception as error:
             attempts_left -= 1
             if not attempts_left:
-                raise UnreadableFrame(_reason(error)) from error
+                raise UnreadableFrame(error_line(error)) from error
 
 
 @dataclass(frozen=True)
@@ -298,6 +305,10 @@ def _shown(environment: EnvironmentMap | None) -> NDArray[np.uint8] | None:
     return marked(environment, exposure_ev, _PREVIEW_SIZE_PX)
 
 
+def _write_preview(path: Path, shown: NDArray[np.uint8], lights: LightSet) -> None:
+    write_png(path, with_lights(shown, lights))
+
+
 def _name(job: Job, kind: str, bracket: int, digest: str) -> str:
     return f"{job.folder.name}/{kind}/{bracket:06d}-{digest}{SUFFIXES[kind]}"
 
@@ -305,14 +316,12 @@ def _name(job: Job, kind: str, bracket: int, digest: str) -> str:
 def _save(job: Job, kind: str, bracket: int, digest: str, write: Callable[[Path], object]) -> str:
     """Write a result, unless it is there already; return its name in the output."""
     name = _name(job, kind, bracket, digest)
-    path = job.folder.parent / name
-    if not path.exists():
-        write(path)
+    _write_missing(job, name, write)
     return name
 
 
-def _reason(error: Exception) -> str:
-    if isinstance(error, FishlightError):
-        return str(error)
-    place = traceback.extract_tb(error.__traceback__)[-1]
-    return f"{type(error).__name__} in {Path(place.filename).name}:{place.lineno}: {error}"
+def _write_missing(job: Job, name: str, write: Callable[[Path], object]) -> None:
+    path = job.folder.parent / name
+    if not path.exists():
+        path.parent.mkdir(exist_ok=True)
+        write(path)

@@ -66,6 +66,11 @@ class Settings:
             )
 
     @property
+    def needs_calibration(self) -> bool:
+        """Whether anything is to be known of where pixels look."""
+        return self.needs_map or self.needs_lights
+
+    @property
     def needs_map(self) -> bool:
         """Whether there is to be a map of each frame."""
         by_map = self.needs_lights and self.plan.method not in BLOCK_METHODS
@@ -167,7 +172,7 @@ def open_job(
     """
     recording = open_recording(recording_folder.resolve())
     path, digest = None, ""
-    if settings.stages != ("merge",):
+    if settings.needs_calibration:
         path = calibration_path or recording.calibration_path
         if path is None:
             raise InputError(

@@ -8,7 +8,6 @@ that is gone or a frame that failed, is done alone, and the look goes on once it
 came to: nearly always the same as before.
 """
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -62,16 +61,15 @@ class RecordingSequence:
         self._on_kept = on_kept
         self._position = 0
         self._waits = False
-        for name in (*SUFFIXES, RUNS):
-            (job.folder / name).mkdir(parents=True, exist_ok=True)
-            for left_by_a_kill in (job.folder / name).glob(f"{PARTIAL_PREFIX}*"):
-                left_by_a_kill.unlink(missing_ok=True)
+        (job.folder / RUNS).mkdir(parents=True, exist_ok=True)
         forget_attempts(job.folder / ATTEMPTS)
-        self._present = {
-            f"{job.folder.name}/{kind}/{name}"
-            for kind in SUFFIXES
-            for name in os.listdir(job.folder / kind)
-        }
+        self._present: set[str] = set()
+        for kind in (*SUFFIXES, RUNS):
+            for path in (job.folder / kind).glob("*"):
+                if path.name.startswith(PARTIAL_PREFIX):  # left by a kill
+                    path.unlink(missing_ok=True)
+                else:
+                    self._present.add(f"{job.folder.name}/{kind}/{path.name}")
 
     @property
     def is_finished(self) -> bool:
