@@ -3,10 +3,17 @@
 Output : the key "ball_fit" of a calibration file.
 """
 
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 import msgspec
 import numpy as np
 
-from calibration.ball import BallFit
+from calibration.files import read_records
+from capture.errors import InputError
+
+if TYPE_CHECKING:
+    from calibration.ball import BallFit
 
 _ANGLES = 46
 
@@ -28,7 +35,7 @@ class BallRecord(msgspec.Struct, frozen=True):
     sigma_rad: list[float]
 
 
-def ball_record(fit: BallFit, picture: str) -> BallRecord:
+def ball_record(fit: "BallFit", picture: str) -> BallRecord:
     """Return what the calibration file keeps of a fit to the picture of this name."""
     outline = fit.outline
     angle_rad = np.linspace(fit.angles_rad[0], fit.angles_rad[-1], _ANGLES)
@@ -42,3 +49,38 @@ def ball_record(fit: BallFit, picture: str) -> BallRecord:
         angle_rad=angle_rad.tolist(),
         sigma_rad=np.interp(angle_rad, fit.angles_rad, fit.deviation_rad).tolist(),
     )
+
+
+def read_ball_record(path: Path) -> BallRecord | None:
+    """Return what the calibration file at `path` keeps of its mirror ball; None if nothing.
+
+    Raises
+    ------
+    InputError
+        If what the file keeps was altered.
+    """
+    content = read_records(path).get("ball_fit")
+    if content is None:
+        return None
+    try:
+        record = msgspec.convert(content, BallRecord)
+    except msgspec.ValidationError as error:
+        raise InputError(f"{path}: ball_fit: {error}") from None
+    if not 0 < len(record.angle_rad) == len(record.sigma_rad):
+        raise InputError(f"{path}: ball_fit: wanted as many of sigma_rad as of angle_rad")
+    return record
+
+
+def ball_summary(record: BallRecord) -> list[str]:
+    """Return how well the ball is known, a sentence a line."""
+    x, y = record.centre_px
+    by = f"{record.support:.0%} of it seen" if record.support > 0 else "marked by hand"
+    angle, sigma = np.degrees(record.angle_rad), np.degrees(record.sigma_rad)
+    shown = [len(angle) // 2, len(angle) - 1]
+    return [
+        f"mirror ball in {record.picture} at {x:.2f}, {y:.2f} px: outline {by}, "
+        f"{record.residual_px:.2f} px rms off it",
+        "directions are sure to "
+        + ", ".join(f"{sigma[index]:.2f}° at {angle[index]:.0f}°" for index in shown)
+        + " from the direction back to the camera (standard deviation)",
+    ]

@@ -68,11 +68,8 @@ def vignetting_record(
     )
 
 
-def correction_error(path: Path, calibration: Calibration) -> tuple[float, float] | None:
-    """Return the relative standard deviation of radiance that vignetting was divided out of.
-
-    Where it is largest, and that angle in rad; None if the calibration's file at `path` does not
-    tell how well its vignetting is known.
+def read_vignetting_record(path: Path) -> VignettingRecord | None:
+    """Return what the calibration file at `path` keeps of its vignetting; None if nothing.
 
     Raises
     ------
@@ -84,9 +81,33 @@ def correction_error(path: Path, calibration: Calibration) -> tuple[float, float
         return None
     try:
         record = msgspec.convert(content, VignettingRecord)
-        angle, sigma = np.array(record.angle_rad), np.array(record.sigma)
-        relative = sigma / calibration.relative_illumination(angle)
-        worst = int(np.argmax(relative))
-        return float(relative[worst]), float(angle[worst])
-    except (msgspec.ValidationError, ValueError) as error:
+    except msgspec.ValidationError as error:
         raise InputError(f"{path}: vignetting_fit: {error}") from None
+    if not 0 < len(record.angle_rad) == len(record.sigma):
+        raise InputError(f"{path}: vignetting_fit: wanted as many of sigma as of angle_rad")
+    return record
+
+
+def correction_error(record: VignettingRecord, calibration: Calibration) -> tuple[float, float]:
+    """Return the relative standard deviation of radiance that vignetting was divided out of.
+
+    Where it is largest, and that angle in rad.
+    """
+    angle, sigma = np.array(record.angle_rad), np.array(record.sigma)
+    relative = sigma / calibration.relative_illumination(angle)
+    worst = int(np.argmax(relative))
+    return float(relative[worst]), float(angle[worst])
+
+
+def vignetting_summary(record: VignettingRecord, calibration: Calibration) -> list[str]:
+    """Return how well the vignetting is known, a sentence a line."""
+    error, at_rad = correction_error(record, calibration)
+    inner, outer = np.degrees(record.seen_rad)
+    rim = calibration.relative_illumination(np.array(record.seen_rad[1]))
+    return [
+        f"vignetting from {len(record.pictures)} pictures ({record.source}), "
+        f"{record.sample_count} samples from {inner:.0f}° to {outer:.1f}° off the axis, "
+        f"where the lens passes {float(rim):.1%} of what it does on the axis",
+        f"samples it was not fitted to are off by {record.held_out:.2%} rms; corrected radiance is "
+        f"sure to {error:.2%} or better (standard deviation; worst at {np.degrees(at_rad):.0f}°)",
+    ]

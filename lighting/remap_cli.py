@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from calibration.files import read_calibration
-from calibration.vignetting_record import correction_error
+from calibration.vignetting_record import correction_error, read_vignetting_record
 from capture.arguments import Output, WholeNumber
 from capture.errors import InputError
 from capture.output import check_place
@@ -65,9 +65,9 @@ def remap(
     print(f"{output}: {2 * height}×{height}, {environment.seen_share:.1%} of all directions seen")
     for remark in cleaned.remarks:
         print(f"  {remark}")
-    doubt = correction_error(calibration, camera)
-    if doubt is not None:
-        share, angle_rad = doubt
+    vignetting = read_vignetting_record(calibration)
+    if vignetting is not None:
+        share, angle_rad = correction_error(vignetting, camera)
         print(
             f"  vignetting is taken out to ±{share:.2%} at {np.degrees(angle_rad):.0f}° from the "
             "axis, where it is known least"

@@ -12,6 +12,7 @@ from calibration.ball_cone import Pinhole, cone_distance_px, distant_pinhole
 from calibration.ball_outline import find_outline, marked_outline
 from calibration.camera import LEVEL
 from calibration.files import read_calibration, read_records
+from calibration.report_cli import report
 from calibration.sharpness import pixels_per_rad
 from calibration.up_cli import calibrate_up
 from capture.errors import InputError
@@ -177,6 +178,13 @@ def test_the_command_writes_a_calibration(
     assert kept["picture"] == "ball.exr"
     assert kept["half_angle_rad"] == pytest.approx(np.arcsin(1 / calibration.model.distance_ratio))
     assert np.all(np.diff(kept["sigma_rad"]) > 0)
+    capsys.readouterr()
+    report(tmp_path / "up.json")
+    told = capsys.readouterr().out
+    assert told.startswith("mirror ball in ball.exr at ")
+    assert f"{np.degrees(kept['sigma_rad'][-1]):.2f}° at " in told
+    with pytest.raises(InputError, match="keeps no views"):
+        report(tmp_path / "up.json", output=tmp_path / "report.html")
 
     calibrate_ball(
         tmp_path / "ball.exr",

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from calibration.camera import Calibration
 from calibration.files import read_calibration, read_object, write_calibration
 from calibration.models.equisolid import Equisolid
+from calibration.report_cli import report
 from calibration.vignetting import Samples, VignettingFit, fit_vignetting
 from calibration.vignetting_cli import calibrate_vignetting
 from calibration.vignetting_published import from_published
-from calibration.vignetting_record import correction_error
+from calibration.vignetting_record import correction_error, read_vignetting_record
 from calibration.vignetting_samples import Shot, flat_samples, lamp_samples, overlap_samples
 from capture.errors import InputError
 from capture.radiance import RadianceImage
@@ -224,11 +225,23 @@ def test_from_pictures_to_a_calibration(tmp_path: Path, capsys: pytest.CaptureFi
     assert content["lens_fit"] == {"kept": 1}
     assert content["vignetting_fit"]["pictures"] == ["a.exr", "b.exr"]
     assert 0 < content["vignetting_fit"]["sigma"][-1] < 2e-3
-    share, angle_rad = correction_error(output, found)
+    record = read_vignetting_record(output)
+    assert record is not None
+    share, angle_rad = correction_error(record, found)
     darkest = found.relative_illumination(found.valid_angle_rad)
     assert share == pytest.approx(content["vignetting_fit"]["sigma"][-1] / darkest)
     assert angle_rad == pytest.approx(found.valid_angle_rad)
-    assert correction_error(start, found) is None
+    assert read_vignetting_record(start) is None
+    without_lens = tmp_path / "vignetting.json"
+    write_calibration(without_lens, found, vignetting_fit=content["vignetting_fit"])
+    report(without_lens)
+    told = capsys.readouterr().out
+    assert told.startswith("vignetting from 2 pictures (flat)")
+    assert f"sure to {share:.2%} or better" in told
+    cut = {**content["vignetting_fit"], "sigma": [0.1]}
+    write_calibration(without_lens, found, vignetting_fit=cut)
+    with pytest.raises(InputError, match="as many of sigma"):
+        report(without_lens)
 
     narrow = tmp_path / "published.json"
     calibrate_vignetting(
