@@ -1,0 +1,121 @@
+"""What claims are tested by: closed forms, invariants, and that a claim can fail."""
+
+import math
+
+import numpy as np
+import pytest
+
+from lighting.light_set import LightSet
+from lighting.measures.error_measures import received, received_from_map
+from lighting.simulation.outdoors import outdoors
+from render.claims import combined_techniques, light_counts, occlusion, point_light
+from render.claims.combined_techniques import (
+    Drawn,
+    combined,
+    errors_of,
+    floor_beside_light,
+    glossy_under_sphere,
+    single,
+)
+from render.claims.contract import CONFIRMED, NOT_CONFIRMED, Finding, verdict
+from tests.environments import constant
+
+
+def found(*held):
+    return [Finding(str(k), {}, each) for k, each in enumerate(held)]
+
+
+def test_verdicts():
+    assert verdict(found(True, None, True)) == CONFIRMED
+    assert verdict(found(False, False)) == NOT_CONFIRMED
+    assert verdict(found(True, False, None)) == "confirmed in part, 1 of 2 settings"
+
+
+def test_the_boundary_of_a_constant_sky_is_the_cosine_rule():
+    boundaries = light_counts.shadow_boundaries()
+    seen = received_from_map(boundaries, constant(32))
+    # A floor that sees a sky from an angle a off the ground on: E = π L (1 + cos a) / 2.
+    elevation = np.arccos(boundaries.openings[:, 0, 0, 1])
+    np.testing.assert_allclose(seen[:, 0], np.pi * (1 + np.cos(elevation)) / 2, atol=0.01)
+    steps = light_counts.largest_step(seen)
+    count = light_counts._ELEVATIONS
+    assert steps == pytest.approx(np.sin(np.pi / 2) * np.pi / (count + 1) / 2, rel=0.1)
+
+
+def test_one_light_makes_one_step_of_all_there_is():
+    light = LightSet(np.array([[0.0, 1.0, 0.0]]), np.ones((1, 3)), np.zeros(1))
+    boundaries = light_counts.shadow_boundaries()
+    seen = received(boundaries, light, as_points=True)
+    assert light_counts.largest_step(seen) == pytest.approx(1)
+    assert light_counts.boundary_error(seen, seen) == 0
+    assert light_counts.boundary_error(2 * seen, seen) > 0.9
+
+
+def test_structured_lights_are_compared_with_random_ones(monkeypatch):
+    monkeypatch.setattr(light_counts, "FEW", 8)
+    monkeypatch.setattr(light_counts, "MANY", 16)
+    [row] = light_counts.STRUCTURED.measure({"made": outdoors(16)})
+    structured, few, many = row.figures.values()
+    assert row.holds == (structured <= many)
+    assert many < few
+
+
+@pytest.mark.parametrize("distance", [0.1, 0.5, 2.0])
+def test_either_technique_and_both_estimate_the_form_factor(distance):
+    light, floor = floor_beside_light(distance)
+    # From a point of the floor to an upright rectangle b wide on each side and 1 high:
+    # F = (atan(b/d) − d/√(d² + 1) atan(b/√(d² + 1))) / π.
+    away = math.hypot(distance, 1)
+    half = combined_techniques._HALF_WIDTH
+    factor = (math.atan(half / distance) - distance / away * math.atan(half / away)) / math.pi
+    for mean, variance in (single(light), single(floor), combined(light, floor, 1.0)):
+        assert abs(mean - factor) < 4 * math.sqrt(variance / len(light.value))
+
+
+@pytest.mark.parametrize("roughness", [0.2, 0.6])
+def test_directions_of_light_and_of_the_lobe_have_one_mean(roughness):
+    light, lobe = glossy_under_sphere(roughness, 0.2)
+    means = [(single(each)) for each in (light, lobe)] + [combined(light, lobe, 2.0)]
+    for mean, variance in means[1:]:
+        error = math.sqrt((variance + means[0][1]) / len(light.value))
+        assert abs(mean - means[0][0]) < 4 * error
+
+
+def test_two_techniques_that_are_one_err_as_one_with_as_many_directions():
+    rng = np.random.default_rng(0)
+    value, density = rng.random((2, 4000)) + 0.5
+    same = Drawn(value, density, density)
+    for power in (1.0, 2.0):
+        mean, variance = combined(same, same, power)
+        assert mean == pytest.approx(single(same)[0])
+        assert variance == pytest.approx(single(same)[1] / 2)
+    errors = errors_of(same, same)
+    assert len({round(error, 12) for error in errors.values()}) == 1
+
+
+def test_combined_techniques_never_fail_as_single_ones_do():
+    *_, together = combined_techniques.BESIDE.measure({})
+    largest = {name.split()[-1]: error for name, error in together.figures.items()}
+    assert largest["light"] > 5
+    assert largest["surface"] > 2
+    assert largest["balance"] < 1.5
+    assert together.holds
+
+
+def test_occlusion_is_confirmed_where_it_grows_with_reach_and_cone(monkeypatch):
+    monkeypatch.setattr(occlusion, "SIZE_PX", (48, 36))
+    grid = occlusion.OCCLUSION.measure({})
+    closed = np.reshape([row.figures["mean occlusion"] for row in grid], (3, 3))
+    holds = np.reshape([row.holds for row in grid], (3, 3))
+    assert np.all(np.diff(closed, axis=1) > 0)  # reach
+    np.testing.assert_array_equal(holds[1:], np.diff(closed, axis=0) >= 0)  # cone
+
+
+def test_spheres_that_are_the_same_do_not_differ():
+    width, height = point_light.SIZE_PX
+    picture = np.ones((height, width, 4), np.float32)
+    assert point_light.differences(picture) == [0.0] * 3
+    picture[:, : width // 4, :3] *= np.e  # a share of 1.01 of the mean is added to both
+    first, *others = point_light.differences(picture)
+    assert first == pytest.approx(1, abs=0.02)
+    assert others == [0.0, 0.0]
