@@ -88,11 +88,20 @@ def draw_from_map(
     height = tables.radiance.shape[0]
     row, down = _found(tables.rows, v)
     column, across = _found(tables.columns[row], u)
+    x, y, z = place_in_cell(row, column, height, across, down)
+    return row, column, x, y, z
+
+
+@njit(nogil=True)
+def place_in_cell(
+    row: int, column: int, height: int, u: float, v: float
+) -> tuple[float, float, float]:  # pragma: no cover - compiled
+    """Return a direction in a cell, even in solid angle as (u, v) is in [0, 1)²."""
     above, below = math.cos(math.pi * row / height), math.cos(math.pi * (row + 1) / height)
-    y = above + down * (below - above)
+    y = above + v * (below - above)
     level = math.sqrt(max(1 - y * y, 0.0))
-    phi = math.pi - math.pi * (column + across) / height
-    return row, column, level * math.sin(phi), y, level * math.cos(phi)
+    phi = math.pi - math.pi * (column + u) / height
+    return level * math.sin(phi), y, level * math.cos(phi)
 
 
 @njit(nogil=True)

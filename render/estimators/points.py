@@ -38,3 +38,10 @@ def shifted(points: Points, s: int, shift: np.uint64) -> tuple[float, float]:  #
     u = np.uint64(points[s, 0]) ^ (shift >> np.uint64(32))
     v = np.uint64(points[s, 1]) ^ (shift & np.uint64(0xFFFFFFFF))
     return np.float64(u) * (1 / _BITS), np.float64(v) * (1 / _BITS)
+
+
+@njit(nogil=True)
+def random(seed: int, k: int, i: int, s: int) -> float:  # pragma: no cover - compiled
+    """Return a random number in [0, 1) for sample `s` of surface `i` of packet `k`."""
+    bits = mixed(shift_of(seed, k, i) + np.uint64(s + 1))
+    return np.float64(bits >> np.uint64(11)) * (1 / 2.0**53)

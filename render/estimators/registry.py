@@ -1,14 +1,37 @@
 """The estimators by name: each a file of this folder."""
 
 from collections.abc import Mapping
+from functools import partial
 
+from lighting.reduce import METHODS
 from render.estimators.brdf_sampling import brdf, cosine
 from render.estimators.contract import Prepare
+from render.estimators.environment_sampling import inverse_cdf, strata
+from render.estimators.fixed_lights import fixed_lights
+from render.estimators.multiple_importance import BALANCE, POWER, multiple_importance
+from render.estimators.resampling import rejection, resampling
 
-ESTIMATORS: Mapping[str, Prepare] = {
+_UNBIASED: Mapping[str, Prepare] = {
     "cosine": cosine,
     "brdf": brdf,
+    "inverse-cdf": inverse_cdf,
+    "structured": partial(strata, "structured"),
+    "kollig-keller": partial(strata, "kollig-keller"),
+    "penrose": partial(strata, "penrose"),
+    "mis-balance": partial(multiple_importance, heuristic=BALANCE),
+    "mis-power": partial(multiple_importance, heuristic=POWER),
+    "mis-compensated": partial(multiple_importance, is_compensated=True),
+    "resampling-light": partial(resampling, by_light=True),
+    "resampling-brdf": partial(resampling, by_light=False),
+    "rejection-light": partial(rejection, by_light=True),
+    "rejection-brdf": partial(rejection, by_light=False),
 }
 
-UNBIASED = frozenset({"cosine", "brdf"})
+_FIXED: Mapping[str, Prepare] = {
+    f"lights-{method}": partial(fixed_lights, method) for method in METHODS
+}
+
+ESTIMATORS: Mapping[str, Prepare] = {**_UNBIASED, **_FIXED}
+
+UNBIASED = frozenset(_UNBIASED)
 """Those whose passes have the truth as their mean: their spread is all of their error."""

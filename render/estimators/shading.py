@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lighting.maps.environment import LUMINANCE_WEIGHTS
 from render.estimators.contract import Shadows
 from render.rays.embree import PACKET, coherent16
 from render.reference.surfaces import (
@@ -32,6 +33,7 @@ TOWARD, CARRIED = 0, 3
 FIELDS = 6
 """Rows of `light`."""
 
+_RED, _GREEN, _BLUE = LUMINANCE_WEIGHTS.astype(np.float32)
 _0, _1, _HALF, _PI = np.float32(0), np.float32(1), np.float32(0.5), np.float32(math.pi)
 
 
@@ -112,3 +114,10 @@ def add_visible(
 def start_at(surface: Floats, shadow: tuple[Any, Any]) -> None:  # pragma: no cover - compiled
     """Let rays begin at the surfaces of a packet."""
     shadow[0][0:3] = surface[0:3]
+
+
+@njit(nogil=True)
+def luminance_of(light: Floats, i: int) -> np.float32:  # pragma: no cover - compiled
+    """Return the luminance of what direction `i` carries."""
+    red, green, blue = light[CARRIED, i], light[CARRIED + 1, i], light[CARRIED + 2, i]
+    return _RED * red + _GREEN * green + _BLUE * blue

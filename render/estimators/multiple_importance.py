@@ -1,0 +1,128 @@
+"""Directions drawn by the light and by what surfaces reflect, weighed against each other.
+
+Of a direction of density p₁ by the light and p₂ by the BRDF, of which n₁ and n₂ are drawn, one of
+the first kind counts f L / (n₁ p₁) times n₁ p₁ / (n₁ p₁ + n₂ p₂), the balance heuristic, or times
+(n₁ p₁)² / ((n₁ p₁)² + (n₂ p₂)²), the power heuristic [1]_.
+
+With compensation [2]_ the light is drawn only by what of it is above the map's mean, for the BRDF
+draws the rest well enough.
+
+References
+----------
+.. [1] E. Veach, L. Guibas, "Optimally Combining Sampling Techniques for Monte Carlo Rendering",
+       SIGGRAPH, 1995.
+.. [2] O. Karlík, M. Šik, P. Vévoda, T. Skřivan, J. Křivánek, "MIS Compensation: Optimizing
+       Sampling Techniques in Multiple Importance Sampling", SIGGRAPH Asia, 2019.
+"""
+
+import numpy as np
+from numba import njit, prange
+
+from render.estimators.brdf_sampling import draw_reflected, mirror_share, reflected_density
+from render.estimators.contract import Estimate, Floats, Setting, Shadows
+from render.estimators.map_tables import MapTables, cell_of, draw_from_map, map_tables
+from render.estimators.points import Points, net, shift_of, shifted
+from render.estimators.shading import CARRIED, FIELDS, TOWARD, add_visible, reflect, start_at
+from render.rays.embree import PACKET, packet
+from render.reference.surfaces import HIT
+
+BALANCE, POWER = 1, 2
+
+
+def multiple_importance(
+    setting: Setting,
+    *,
+    heuristic: int = BALANCE,
+    light_share: float = 0.5,
+    is_compensated: bool = False,
+) -> Estimate:
+    """Prepare to draw a share of the directions by the light, the others by the BRDF.
+
+    Parameters
+    ----------
+    heuristic : int
+        `BALANCE` or `POWER`: the exponent of n p.
+    light_share : float
+        Of the directions, in [0, 1]; rounded so that each way draws one at least if it has a share.
+    """
+    tables = map_tables(setting.environment, is_compensated=is_compensated)
+    if not tables.density.any():
+        light_share = 0.0
+
+    def estimate(surfaces: Floats, samples: int, seed: int, radiance: Floats) -> int:
+        by_light = allocation(samples, light_share)
+        return int(
+            _add(
+                setting.shadows,
+                tables,
+                heuristic,
+                surfaces,
+                net(by_light),
+                net(samples - by_light),
+                seed,
+                radiance,
+            )
+        )
+
+    return estimate
+
+
+def allocation(samples: int, light_share: float) -> int:
+    """Return how many of `samples` directions the light draws."""
+    if samples < 2 or light_share in (0.0, 1.0):
+        return round(samples * light_share)
+    return min(max(round(samples * light_share), 1), samples - 1)
+
+
+@njit(nogil=True, error_model="numpy")
+def weight(mine: float, other: float, heuristic: int) -> float:  # pragma: no cover - compiled
+    """Return the weight of a direction; `mine` is n p of the way it was drawn, positive."""
+    if heuristic == BALANCE:
+        return mine / (mine + other)
+    return 1 / (1 + (other / mine) ** 2)
+
+
+@njit(cache=True, nogil=True, parallel=True, error_model="numpy")
+def _add(
+    shadows: Shadows,
+    tables: MapTables,
+    heuristic: int,
+    surfaces: Floats,
+    of_light: Points,
+    of_brdf: Points,
+    seed: int,
+    radiance: Floats,
+) -> int:  # pragma: no cover - compiled
+    traced = 0
+    for k in prange(len(surfaces)):
+        surface = surfaces[k]
+        if surface[HIT].max() == 0:
+            continue
+        shadow = packet()
+        start_at(surface, shadow)
+        light = np.zeros((FIELDS, PACKET), np.float32)
+        for s in range(len(of_light) + len(of_brdf)):
+            by_light = s < len(of_light)
+            for i in range(PACKET):
+                light[CARRIED : CARRIED + 3, i] = 0
+                if surface[HIT, i] == 0:
+                    continue
+                share = mirror_share(surface, i)
+                if by_light:
+                    u, v = shifted(of_light, s, shift_of(seed, k, i))
+                    row, column, x, y, z = draw_from_map(tables, u, v)
+                else:
+                    u, v = shifted(of_brdf, s - len(of_light), shift_of(seed, k, i + PACKET))
+                    x, y, z = draw_reflected(surface, i, share, u, v)
+                    row, column = cell_of(tables, x, y, z)
+                light[TOWARD, i], light[TOWARD + 1, i], light[TOWARD + 2, i] = x, y, z
+                reflecting = len(of_brdf) * reflected_density(surface, i, share, x, y, z)
+                shining = np.float64(len(of_light) * tables.density[row, column])
+                mine, other = (shining, reflecting) if by_light else (reflecting, shining)
+                if mine > 0:
+                    scale = weight(mine, other, heuristic) / mine
+                    for c in range(3):
+                        light[CARRIED + c, i] = scale * tables.radiance[row, column, c]
+            reflect(shadows, surface, light)
+            traced += add_visible(shadows, surface, light, shadow, radiance[k])
+    return traced
