@@ -1,11 +1,13 @@
 """`fishlight live`: a camera's light while it changes, watched and steered from a browser."""
 
+import math
 import os
 import signal
 import sys
 import webbrowser
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -18,6 +20,8 @@ from lighting.light_arguments import AUTO, DEFAULT_ERROR, Count, Error, MethodNa
 from lighting.reduce import ADAPTIVE
 from lighting.remap_cli import check_map_height
 from render.live.access import LOOPBACK, Access, checked_origins
+from render.live.blend import Blend
+from render.live.blend_parts import PlacedSource
 from render.live.desk import Desk
 from render.live.models import load_models
 from render.live.picture import LivePicture
@@ -29,10 +33,12 @@ PORT = 8040
 
 
 def live(
-    source: str,
+    source: Annotated[list[str], Parameter(negative=())],
     /,
     *,
-    calibration: Path | None = None,
+    calibration: Annotated[tuple[Path, ...], Parameter(negative=())] = (),
+    blend: Annotated[bool, Parameter(negative=())] = False,
+    place: Annotated[tuple[str, ...], Parameter(negative=(), allow_leading_hyphen=True)] = (),
     count: Count = 64,
     error: Error = None,
     method: MethodName = ADAPTIVE,
@@ -61,9 +67,16 @@ def live(
     ----------
     source
         Path, number, name or id of a camera, or the folder of a recording, which is played at its
-        own pace, over and over.
+        own pace, over and over. Several with --blend.
     calibration
-        The camera's cal.json; a recording's own if not given.
+        The camera's cal.json; a recording's own if not given. With --blend one for each source, in
+        the same order, or one for all.
+    blend
+        Blend the lights of several sources by where their cameras stand. One that is missing fades
+        out, and in when it is back.
+    place
+        With --blend, where each camera stands in metres, x,y,z with y up; as often as there are
+        sources. The scene stands at 0,0,0 until it is moved on the page.
     frame_rate
         With --count auto: no more lights than leave so many frames a second.
     exposures
@@ -121,14 +134,15 @@ def live(
     )
     access = Access(host, checked_origins(origin))
     camera_px = None if camera_size is None else parse_size(camera_size)
-    request = LiveRequest(
-        CameraRequest(source, camera_px, format, rate),
-        calibration,
-        mains_hz,
-        once,
-        height,
-        output,
-    )
+    requests = [
+        LiveRequest(
+            CameraRequest(each, camera_px, format, rate), path, mains_hz, once, height, output
+        )
+        for each, path in zip(source, _one_for_each(calibration, len(source)), strict=True)
+    ]
+    placed = _placed(requests, place) if blend else ()
+    if not blend and (len(source) > 1 or place):
+        raise InputError("several sources, or a --place, are for --blend")
     desk = Desk(settings, load_models(mesh))
     with (
         LivePicture(desk.models, parse_size(size)) as picture,
@@ -138,18 +152,52 @@ def live(
         print(f"{server.address}\nCtrl-C ends the session.", flush=True)
         if not headless and _has_desktop():
             webbrowser.open(server.address)
-        counters = run_live(
-            request,
-            desk,
-            picture,
-            stop,
-            is_patient=not headless,
-            say=lambda text: print(f"fishlight: {text}", file=sys.stderr, flush=True),
-        )
+        if blend:
+            counters = Blend(placed, desk, picture, output, _say).run(stop, is_patient=not headless)
+        else:
+            counters = run_live(requests[0], desk, picture, stop, is_patient=not headless, say=_say)
     print(
         f"brackets: {counters.captured} captured, {counters.replaced} replaced, "
         f"{counters.merged} merged, {counters.rendered} rendered, {counters.failed} failed"
     )
+
+
+def _say(text: str) -> None:
+    print(f"fishlight: {text}", file=sys.stderr, flush=True)
+
+
+def _one_for_each(calibrations: Sequence[Path], count: int) -> Sequence[Path | None]:
+    if len(calibrations) not in (0, 1, count):
+        raise InputError(
+            f"{count} sources and {len(calibrations)} calibrations: give one for each source in "
+            "the same order, one for all, or none"
+        )
+    if len(calibrations) == count:
+        return calibrations
+    return [calibrations[0] if calibrations else None] * count
+
+
+def _placed(requests: Sequence[LiveRequest], places: Sequence[str]) -> Sequence[PlacedSource]:
+    """Return the sources of a blend; each saves its recordings in a folder of its own."""
+    if len(requests) < 2 or len(places) != len(requests):
+        raise InputError(
+            f"--blend: wanted at least 2 sources and a --place x,y,z for each, got {len(requests)} "
+            f"and {len(places)}"
+        )
+    return [
+        PlacedSource(replace(request, output=request.output / f"source-{number}"), _metres(place))
+        for number, (request, place) in enumerate(zip(requests, places, strict=True), start=1)
+    ]
+
+
+def _metres(text: str) -> tuple[float, float, float]:
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError:
+        raise InputError(f"--place {text}: wanted metres x,y,z such as 1.5,0,-2") from None
+    if not all(map(math.isfinite, (x, y, z))):
+        raise InputError(f"--place {text}: wanted finite metres")
+    return x, y, z
 
 
 @contextmanager

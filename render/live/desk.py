@@ -185,6 +185,13 @@ class Desk:
             self.notice = Notice(number, text, is_error)
         self._tell()
 
+    def last_seen(self) -> tuple[Seen | None, float]:
+        """Return what was seen last, and its age in s by now."""
+        last = self.newest
+        if last is None:
+            return None, 0.0
+        return last.seen, last.age_s + time.monotonic() - last.published_s
+
     def publish(
         self, state: State, seen: Seen | None, age_s: float, account: Mapping[str, Any]
     ) -> None:

@@ -15,6 +15,7 @@ _PARTS = {
     "controls.js": "text/javascript",
     "map.js": "text/javascript",
     "panels.js": "text/javascript",
+    "sources.js": "text/javascript",
     "strip.js": "text/javascript",
     "orbit.js": "text/javascript",
     "icon.svg": "image/svg+xml",

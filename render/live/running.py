@@ -4,7 +4,6 @@ Where somebody may be watching, what is missing is a state that passes: the sour
 calibration are looked for again every two seconds. Without a watcher it is an error at once.
 """
 
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Event
@@ -115,7 +114,7 @@ def run_live(
     FishlightError
         If something is missing and `is_patient` is not set.
     """
-    desk.publish(State("starting", f"Opening {request.camera.device}."), None, 0.0, {})
+    desk.publish(State("starting", f"Opening {request.camera.device}."), *desk.last_seen(), {})
     told = ""
     while True:
         try:
@@ -123,21 +122,12 @@ def run_live(
         except Missing as missing:
             if not is_patient:
                 raise
-            _tell(desk, missing)
+            desk.publish(State(missing.name, str(missing)), *desk.last_seen(), {})
             if str(missing) != told:
                 told = str(missing)
                 say(f"{told}; looking for it until it is there")
             if stop.wait(RETRY_S):
                 return Counters()
-
-
-def _tell(desk: Desk, missing: Missing) -> None:
-    """Publish what is missing, with what was seen last, which ages meanwhile."""
-    last, now_s = desk.newest, time.monotonic()
-    seen, age_s = None, 0.0
-    if last is not None:
-        seen, age_s = last.seen, last.age_s + now_s - last.published_s
-    desk.publish(State(missing.name, str(missing)), seen, age_s, {})
 
 
 def _run_once(

@@ -95,8 +95,8 @@ class LiveSession:
         self._merged = PictureMemory()
         self._held: _Held | None = None
         self._exposure = ViewExposure()
-        self._seen: Seen | None = None
-        self._seen_s = time.monotonic()
+        self._seen, age_s = desk.last_seen()
+        self._seen_s = time.monotonic() - age_s
         self._published_s: deque[float] = deque(maxlen=_FRAMES)
         self._clock = StageClock(deque(maxlen=_FRAMES))
         self._counters = Counters()

@@ -20,6 +20,7 @@ MOST_LIGHTS = 512
 
 _LEAST_BUDGET_MS = 4.0  # below it the count falls to one and the picture says nothing
 
+_Metres = Annotated[float, Meta(ge=-1000, le=1000)]
 _Seconds = Annotated[float, Meta(ge=1e-6, le=100.0)]
 
 
@@ -52,6 +53,8 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         Whether the scene stands in what the camera sees, on its floor.
     azimuth_rad, elevation_rad, distance : float
         Where the viewer stands: 1 is the distance at which the scene fills the picture.
+    x_m, y_m, z_m : float
+        Where the scene stands among the cameras of a blend.
     """
 
     method: str = ADAPTIVE
@@ -70,6 +73,9 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     azimuth_rad: Annotated[float, Meta(ge=-pi, le=pi)] = -pi + pi / 9
     elevation_rad: Annotated[float, Meta(ge=-0.2, le=1.5)] = pi / 15
     distance: Annotated[float, Meta(ge=0.3, le=4.0)] = 1.0
+    x_m: _Metres = 0.0
+    y_m: _Metres = 0.0
+    z_m: _Metres = 0.0
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:

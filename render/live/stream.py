@@ -9,6 +9,7 @@ A message is one object:
     stale       true if nothing newer can be had: the camera is away, or the session has ended
     valid       false if there is nothing to go by: no light yet, all clipped, or all dark
     state       "running", "away", "clipped", "dark", "ended", … (render/live/desk.py)
+    sources     of a blend: name, place_m, weight, state and age_s of each; else empty
     lights      null before the first; else the object of lights.json (lighting/light_files.py)
 
 Newest wins: what a follower was too slow to take is never sent.
@@ -38,6 +39,7 @@ class StreamMessage(msgspec.Struct, frozen=True):
     stale: bool
     valid: bool
     state: str
+    sources: tuple[dict[str, Any], ...] = ()
     lights: dict[str, Any] | None = None
 
 
@@ -52,6 +54,7 @@ def stream_message(frame: LiveFrame) -> str:
         stale=frame.state.name in _STALE_STATES,
         valid=lights is not None and frame.state.name in _VALID_STATES,
         state=frame.state.name,
+        sources=tuple(frame.account.get("sources", ())),
         lights=None if lights is None else lights_object(lights),
     )
     return msgspec.json.encode(message).decode()

@@ -5,6 +5,7 @@ import { Controls } from "./controls.js";
 import { LightMap } from "./map.js";
 import { Orbit } from "./orbit.js";
 import { showImage } from "./panels.js";
+import { Sources } from "./sources.js";
 import { Strip } from "./strip.js";
 
 const byId = (id) => document.getElementById(id);
@@ -27,6 +28,7 @@ const send = (changes) => connection.set(changes);
 const controls = new Controls(byId("controls"), send);
 const orbit = new Orbit(byId("picture"), send);
 const lightMap = new LightMap(byId("map"), byId("tip"));
+const sources = new Sources(byId("blend"), byId("sources"));
 const strip = new Strip(byId("times"), byId("stages"), byId("counters"));
 let settings = null;
 let noticeNumber = null;
@@ -41,6 +43,7 @@ async function onMoment(header, images) {
   lightMap.show(images.map, header.lights);
   showVitals(header);
   strip.show(header);
+  sources.show(header.account.sources, STATES);
   controls.follow(header);
   orbit.follow(settings);
   byId("draft").hidden = !(header.is_draft && images.picture);

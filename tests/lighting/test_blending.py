@@ -9,8 +9,15 @@ from hypothesis import strategies as st
 
 from capture.errors import InputError
 from lighting.light_set import LightSet
+from lighting.maps.environment import EnvironmentMap
 from lighting.sphere import harmonics
-from lighting.stream.blending import FADE_S, blend_lights, followed_weights, place_weights
+from lighting.stream.blending import (
+    FADE_S,
+    blend_lights,
+    blend_maps,
+    followed_weights,
+    place_weights,
+)
 from tests.lighting_sets import assert_same_lights, random_set, towards
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -128,3 +135,15 @@ def test_marks_travel_and_scales_must_agree():
     assert blended([one, lamp(90, 1.0)], [0.5, 0.5]).predicted_error is None
     with pytest.raises(InputError, match=r"lights in relative .* in cd/m2"):
         blended([one, lamp(0, 1.0, scale="cd/m2")], [0.5, 0.5])
+
+
+def test_a_blended_map_is_the_weighted_sum_of_what_was_seen():
+    def grey(level, seen_rows, clipped_rows):
+        marks = np.zeros((2, 4, 8), np.bool_)
+        marks[0, :seen_rows] = marks[1, :clipped_rows] = True
+        return EnvironmentMap(np.full((4, 8, 3), level, np.float32), *marks)
+
+    both = blend_maps([grey(1, 3, 0), grey(2, 2, 1), grey(9, 4, 4)], [0.25, 0.75, 0.0])
+    np.testing.assert_allclose(both.radiance[:, 0, 0], [1.75, 1.75, 0.25, 0])
+    assert both.valid[:, 0].tolist() == [True, True, True, False]
+    assert both.clipped[:, 0].tolist() == [True, False, False, False]

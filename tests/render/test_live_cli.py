@@ -40,14 +40,33 @@ def test_a_recording_played_once_is_accounted_for(tmp_path, capsys):
         (["--host", "203.0.113.7"], "--host 203.0.113.7"),
         (["--mesh", "nothing.obj"], "nothing.obj"),
         (["--calibration", "nothing.json"], "nothing.json"),
+        (["other"], "are for --blend"),
+        (["--place", "0,0,0"], "are for --blend"),
+        (["other", "--blend", "--place", "0,0,0"], "--place x,y,z for each, got 2 and 1"),
+        (["--blend", "--place", "0,0,0"], "wanted at least 2 sources"),
+        (["other", "--blend", "--place", "0,0", "--place", "-1,0,0"], "--place 0,0: wanted metres"),
+        (["b", "c", *["--calibration", "x"] * 2], "3 sources and 2 calibrations"),
     ],
 )
 def test_what_cannot_be_done_is_one_line(tmp_path, capsys, arguments, message):
     recording = make_recording(tmp_path / "r")
     port = [] if "--port" in arguments else ANY_PORT
-    assert fishlight("live", recording.folder, "--once", *SMALL, *port, *arguments) == 2
+    assert fishlight("live", recording.folder, *arguments, "--once", *SMALL, *port) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert message in line
+
+
+def test_two_recordings_are_blended_and_accounted_for(tmp_path, capsys):
+    for name in "ab":
+        (tmp_path / name).mkdir()
+    sources = [make_recording(tmp_path / name / "r").folder for name in "ab"]
+    places = ["--place", "-1,0,0", "--place", "1,0,0"]
+    assert not fishlight("live", *sources, "--blend", *places, "--once", *SMALL, *ANY_PORT)
+    counts = {
+        name: int(count)
+        for count, name in re.findall(r"(\d+) (\w+)", capsys.readouterr().out.splitlines()[-1])
+    }
+    assert counts["captured"] == 6 == counts["replaced"] + counts["rendered"] + counts["failed"]
 
 
 def test_a_camera_that_is_not_there_is_one_line(tmp_path, capsys):
