@@ -6,5 +6,6 @@ COMMANDS: tuple[tuple[str, str], ...] = (
     ("render.batch_cli:batch", "batch"),
     ("render.live_cli:live", "live"),
     ("render.follow_cli:follow_command", "follow"),
+    ("render.chart_cli:chart_render", "chart render"),
     ("render.doctor_cli:doctor", "doctor"),
 )

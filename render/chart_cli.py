@@ -1,0 +1,120 @@
+"""`fishlight chart render`: what ways to a picture are worth, measured here and drawn."""
+
+from collections.abc import Mapping
+from functools import cache, partial
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from capture.arguments import Output
+from capture.errors import InputError
+from capture.output import refuse_existing, write_text
+from capture.progress import progress
+from lighting.maps.environment import EnvironmentMap
+from lighting.measures.known import read_known, write_known
+from render.measures import chart, growth
+from render.measures.chart_scenes import View, chart_maps, chart_scenes
+from render.measures.truths import truth_of
+from render.measures.ways import SHADOW_MAPS, ways
+
+SIZE_PX = (640, 480)
+
+
+def chart_render(
+    *environments: Path,
+    output: Output,
+    mesh: Annotated[tuple[Path, ...], Parameter(consume_multiple=True)] = (),
+    fresh: bool = False,
+    force: bool = False,
+) -> None:
+    """Chart error against time of every way to a picture, with 4 to 1024 lights.
+
+    Error is that against a reference picture under the whole map, in a picture of 640×480 without
+    its outlines: relative RMSE, and FLIP, which tells how different it looks. A second chart shows
+    how the time of a frame grows with lights, triangles and pixels.
+
+    Parameters
+    ----------
+    environments
+        Lat-long maps, EXR or Radiance .hdr. Without any, those of the bundled recordings and three
+        made ones.
+    output
+        Folder for render-light and render-dark, growth-light and growth-dark, each as .svg and
+        .png, render.csv and growth.csv with every number, and what later runs take from this one:
+        reference pictures and measurements.
+    mesh
+        OBJ, glTF, GLB or PLY files, each a scene; three made scenes without any.
+    fresh
+        Measure everything again.
+    force
+        Replace the charts of an earlier run.
+    """
+    # Here, so that no other command waits a second for matplotlib.
+    from lighting.measures.line_chart import draw
+    from render.measures.chart_drawing import ERROR_CHART, GROWTH_CHART
+
+    if output.exists() and not output.is_dir():
+        raise InputError(f"{output} is a file; give --output a folder")
+    pictures = [
+        (output / f"{name}-{theme}{suffix}", theme, what)
+        for name, what in (("render", ERROR_CHART), ("growth", GROWTH_CHART))
+        for theme in ("light", "dark")
+        for suffix in (".svg", ".png")
+    ]
+    tables = [output / "render.csv", output / "growth.csv"]
+    for path in (*(path for path, *_ in pictures), *tables):
+        refuse_existing(path, force=force)
+    maps, scenes = chart_maps(environments), chart_scenes(mesh, SIZE_PX)
+
+    output.mkdir(parents=True, exist_ok=True)
+    known_path, grown_path = output / "measurements.json", output / "growth.json"
+    digest = chart.measuring_digest()
+    known = {} if fresh else read_known(known_path, chart.Measurement, digest)
+    grown = {} if fresh else read_known(grown_path, growth.Growth, digest)
+    with ways() as compared:
+        if SHADOW_MAPS not in compared:
+            print("no OpenGL, so not in the chart: shadow maps")
+        cases = _cases(scenes, maps, output / "references")
+        on_cases = chart.measure(cases, compared, chart.COUNTS, known)
+        growing = growth.measure(next(iter(maps.values())), compared, grown)
+        jobs = len(cases) * len(compared) * len(chart.COUNTS)
+        growth_jobs = len(compared) * sum(map(len, growth.COUNTS.values()))
+        try:
+            rows = [row for row in progress(on_cases, "errors", jobs) if row]
+            grew = [row for row in progress(growing, "growth", growth_jobs) if row]
+        finally:  # an interrupted run is not measured again either
+            write_known(known_path, known)
+            write_known(grown_path, grown)
+
+    write_text(tables[0], chart.as_csv(rows))
+    write_text(tables[1], chart.as_csv(grew))
+    points = chart.points_of(rows) + growth.points_of(grew)
+    about = f"{_all_of(scenes, 'scene')} under {_all_of(maps, 'map')}, {SIZE_PX[0]}×{SIZE_PX[1]}."
+    for path, theme, what in pictures:
+        draw(points, what, list(compared), about, path, theme)
+    print(
+        f"{output}: {len(rows) + len(grew)} measurements of {len(compared)} ways, "
+        f"{_all_of(scenes, 'scene')} under {_all_of(maps, 'map')}"
+    )
+
+
+def _cases(
+    scenes: Mapping[str, View], maps: Mapping[str, EnvironmentMap], folder: Path
+) -> list[chart.Case]:
+    return [
+        chart.Case(
+            scene_name,
+            map_name,
+            scene,
+            camera,
+            environment,
+            cache(partial(truth_of, scene, camera, environment, folder)),
+        )
+        for scene_name, (scene, camera) in scenes.items()
+        for map_name, environment in maps.items()
+    ]
+
+
+def _all_of(things: Mapping[str, object], kind: str) -> str:
+    return f"{len(things)} {kind}{'' if len(things) == 1 else 's'}"

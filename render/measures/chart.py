@@ -1,0 +1,204 @@
+"""Error against time of every way to a picture: what `fishlight chart render` draws.
+
+Each way draws each scene under the lights that each map is reduced to, 4 … 1024 of them, and is
+compared with the reference picture under the whole map: so what lights lose counts too.
+
+Input  : scenes, maps, ways.    Output : measurements, their medians, a CSV of all.
+A time is that of a frame after the first, in which everything is new that may be in that way.
+Cost   : a quarter of an hour for three scenes and five maps on two idle cores; what was measured
+         before is not measured again as long as scene, map, machine and code are the same.
+Fails  : times of a busy machine are too long, each by another factor.
+"""
+
+import csv
+import io
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import cache, partial
+from itertools import groupby
+from pathlib import Path
+from statistics import median
+
+import msgspec
+
+from lighting.light_set import LightSet
+from lighting.maps.environment import EnvironmentMap
+from lighting.measures.chart import Point
+from lighting.measures.known import code_digest, remembered
+from lighting.reduce import reduce_to_lights
+from render.measures.chart_scenes import map_digest, view_digest
+from render.measures.picture_errors import Truth, mean_flip, relative_rmse
+from render.measures.ways import Draw, Way
+from render.scenes.scene import Camera, Scene
+
+COUNTS = (4, 16, 64, 256, 1024)
+RMSE, FLIP, MS = "relative RMSE", "FLIP", "ms"
+WORST = "relative RMSE, worst"
+
+_FRAMES = 5
+_SLOW_S = 2.0
+"""A frame that takes longer is not repeated, and the way not tried with more lights."""
+
+_ROOT = Path(__file__).parents[1]
+
+
+class Measurement(msgspec.Struct, frozen=True):
+    """What one way made of one scene under one map with one number of lights.
+
+    `count` lights were asked for, `lights` came; `setup_ms` is what the way did before the first
+    frame, once for scene and camera.
+    """
+
+    scene: str
+    map_name: str
+    way: str
+    count: int
+    lights: int
+    ms: float
+    setup_ms: float
+    rmse: float
+    flip: float
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene under a map, and what tells it apart from any other.
+
+    Attributes
+    ----------
+    truth : callable
+        Returns the truth, when it is first needed: it takes seconds.
+    """
+
+    scene_name: str
+    map_name: str
+    scene: Scene
+    camera: Camera
+    environment: EnvironmentMap
+    truth: Callable[[], Truth]
+
+    @property
+    def digest(self) -> str:
+        """Tells the case apart by what is in it, whatever it is called."""
+        return f"{view_digest(self.scene, self.camera)} {map_digest(self.environment)}"
+
+
+def measure(
+    cases: Iterable[Case],
+    ways: Mapping[str, Way],
+    counts: Sequence[int],
+    known: dict[str, Measurement],
+) -> Iterator[Measurement | None]:
+    """Yield a measurement of each case, way and count; None where the way would be too slow.
+
+    Parameters
+    ----------
+    cases : iterable of Case
+    ways : mapping of str to Way
+    counts : sequence of int
+        Ascending.
+    known : dict of str to Measurement
+        Earlier results, which are not measured again; new ones are added to it.
+    """
+    for case in cases:
+        lights = cache(partial(reduce_to_lights, case.environment))
+        for name, way in ways.items():
+            yield from _of_way(case, name, way, lights, counts, known)
+
+
+def open_way(stack: ExitStack, way: Way, scene: Scene, camera: Camera) -> tuple[Draw, float]:
+    """Return what draws, until `stack` is left, and the milliseconds that this took."""
+    start = time.perf_counter()
+    draw = stack.enter_context(way(scene, camera))
+    return draw, 1e3 * (time.perf_counter() - start)
+
+
+def frame_ms(draw: Draw, lights: LightSet, environment: EnvironmentMap) -> float:
+    """Return the least time of a frame after the first, which has been drawn."""
+    times_s: list[float] = []
+    for frame in range(1, 1 + _FRAMES):
+        start = time.perf_counter()
+        draw(lights, environment, frame)
+        times_s.append(time.perf_counter() - start)
+        if times_s[-1] > _SLOW_S:
+            break
+    return 1e3 * min(times_s)
+
+
+def points_of(measurements: Iterable[Measurement]) -> list[Point]:
+    """Return the points of the chart: medians over the cases, and the largest error.
+
+    A count that a way did not reach in every case is left out: its median would be over others.
+    """
+
+    def key(row: Measurement) -> tuple[str, int]:
+        return row.way, row.count
+
+    rows = list(measurements)
+    order = {name: number for number, name in enumerate(dict.fromkeys(row.way for row in rows))}
+    rows.sort(key=lambda row: (order[row.way], row.count))
+    groups = [(*name, list(group)) for name, group in groupby(rows, key)]
+    most = max((len(group) for *_, group in groups), default=0)
+    points = []
+    for way, count, group in groups:
+        if len(group) == most:
+            ms = median(row.ms for row in group)
+            figures = {
+                RMSE: median(row.rmse for row in group),
+                FLIP: median(row.flip for row in group),
+                WORST: max(row.rmse for row in group),
+                MS: ms,
+            }
+            points.append(Point(way, count, ms, figures))
+    return points
+
+
+def as_csv(rows: Sequence[msgspec.Struct]) -> str:
+    """Return a line for each measurement, all of one kind; errors are shares."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(rows[0].__struct_fields__)
+    for row in rows:
+        values = msgspec.structs.astuple(row)
+        writer.writerow(f"{value:.5g}" if isinstance(value, float) else value for value in values)
+    return text.getvalue()
+
+
+def measuring_digest() -> str:
+    """Return what tells versions apart of all code that a frame's time and error depend on."""
+    return code_digest(_ROOT, _ROOT.parent / "lighting")
+
+
+def _of_way(
+    case: Case,
+    name: str,
+    way: Way,
+    lights: Callable[[int], LightSet],
+    counts: Sequence[int],
+    known: dict[str, Measurement],
+) -> Iterator[Measurement | None]:
+    with ExitStack() as stack:
+        opened = cache(partial(open_way, stack, way, case.scene, case.camera))
+
+        def measured(name: str, count: int) -> Measurement:
+            return _measured(case, name, lights(count), count, *opened())
+
+        digest = f"{measuring_digest()} {case.digest}"
+        for row in remembered(measured, digest, [name], counts, known, _SLOW_S):
+            # Known, it may have had other names.
+            yield row and msgspec.structs.replace(
+                row, scene=case.scene_name, map_name=case.map_name
+            )
+
+
+def _measured(
+    case: Case, name: str, lights: LightSet, count: int, draw: Draw, setup_ms: float
+) -> Measurement:
+    picture = draw(lights, case.environment, 0)
+    errors = relative_rmse(picture, case.truth()), mean_flip(picture, case.truth())
+    ms = frame_ms(draw, lights, case.environment)
+    return Measurement(
+        case.scene_name, case.map_name, name, count, len(lights), ms, setup_ms, *errors
+    )

@@ -1,0 +1,50 @@
+"""Reference pictures of scenes under maps, traced once and kept in a folder.
+
+Input  : a scene, a camera, a map; a folder.    Output : a Truth.
+Cost   : seconds for each, as render/reference; then what it takes to read a file.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from capture.errors import InputError
+from capture.output import replacing
+from lighting.maps.environment import EnvironmentMap
+from lighting.measures.known import code_digest
+from render.measures.chart_scenes import map_digest, view_digest
+from render.measures.picture_errors import Truth, away_from_outlines
+from render.reference.tracing import render_reference
+from render.scenes.scene import Camera, Scene
+
+ERROR = 0.005
+"""Relative error that a truth is traced to."""
+
+MOST_SECONDS = 60.0
+"""Time after which it is good enough."""
+
+_CODE = Path(__file__).parents[1] / "reference"
+
+
+def truth_of(scene: Scene, camera: Camera, environment: EnvironmentMap, folder: Path) -> Truth:
+    """Return the truth of a scene under a map, from `folder` or traced and put there.
+
+    Raises
+    ------
+    InputError
+        If a file there is damaged.
+    """
+    name = f"{code_digest(_CODE)}-{view_digest(scene, camera)}-{map_digest(environment)}"
+    path = folder / f"{name}.npz"
+    if not path.exists():
+        traced = render_reference(scene, camera, environment, error=ERROR, seconds=MOST_SECONDS)
+        folder.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as partial, partial.open("wb") as file:
+            np.savez(file, radiance=traced.radiance[..., :3], error=traced.standard_error)
+    try:
+        with np.load(path) as kept:
+            radiance, error = kept["radiance"], kept["error"]
+    except (OSError, ValueError, KeyError) as damage:
+        raise InputError(f"{path}: not a kept reference picture ({damage}); remove it") from damage
+    compared = away_from_outlines(scene, camera)
+    return Truth(radiance, float(np.mean(error[compared].astype(np.float64) ** 2)), compared)

@@ -1,0 +1,85 @@
+"""The ways to a picture that the chart compares, each with what may move in it moving.
+
+Input  : a scene and a camera.    Output : pictures, frame after frame.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import replace
+from functools import partial
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.light_set import LightSet
+from lighting.maps.environment import EnvironmentMap
+from render.baked.renderer import BakedRenderer
+from render.moving.renderer import MovingRenderer
+from render.moving.shared_rays import Effort
+from render.opengl.context import GlUnavailable, create_context
+from render.opengl.renderer import Renderer
+from render.scenes.scene import Camera, Scene
+
+Draw = Callable[[LightSet, EnvironmentMap, int], NDArray[np.float32]]
+"""From lights, the map they stand for, and the number of the frame to its picture (H, W, 4)."""
+
+Way = Callable[[Scene, Camera], AbstractContextManager[Draw]]
+"""Makes ready to draw a scene from a camera, and frees what that took in the end."""
+
+RAYS, TRANSPORT, SHADOW_MAPS = "rays", "transport", "shadow maps"
+
+_STEP_M = 1e-3  # that the camera moves from frame to frame
+_TURN_RAD = np.radians(0.5)  # that all lights turn about the vertical
+
+
+@contextmanager
+def ways() -> Iterator[Mapping[str, Way]]:
+    """Give the ways by name, good as long as the context lasts: without OpenGL those without.
+
+    "rays" draw what moves, and share those to weak lights among n × n pixels; "transport" needs
+    scene and camera to stand; "shadow maps" are drawn anew because lights turn.
+    """
+    found: dict[str, Way] = {
+        RAYS if side == 4 else f"{RAYS}, {side}×{side}": partial(_rays, side) for side in (4, 2, 1)
+    }
+    found[TRANSPORT] = _transport
+    try:
+        context = create_context()
+    except GlUnavailable:
+        yield found
+        return
+    with context:
+        yield found | {SHADOW_MAPS: partial(_shadow_maps, context)}
+
+
+def turned(lights: LightSet, frame: int) -> LightSet:
+    """Return the lights of a frame: every one has turned a little further."""
+    cos, sin = np.cos(frame * _TURN_RAD), np.sin(frame * _TURN_RAD)
+    turn = np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]])
+    return replace(lights, directions=lights.directions @ turn.T)
+
+
+@contextmanager
+def _rays(side: int, scene: Scene, camera: Camera) -> Iterator[Draw]:
+    with MovingRenderer(scene, camera, effort=Effort(interleaving=side)) as renderer:
+
+        def draw(lights: LightSet, environment: EnvironmentMap, frame: int) -> NDArray[np.float32]:
+            # Other objects of the same shape: all triangles count as moved.
+            eye = camera.eye + _STEP_M * frame
+            renderer.move(replace(scene), replace(camera, eye=eye))
+            return renderer.render(turned(lights, frame), environment)
+
+        yield draw
+
+
+@contextmanager
+def _transport(scene: Scene, camera: Camera) -> Iterator[Draw]:
+    with BakedRenderer(scene, camera) as renderer:
+        yield lambda lights, environment, frame: renderer.render(turned(lights, frame), environment)
+
+
+@contextmanager
+def _shadow_maps(context: moderngl.Context, scene: Scene, camera: Camera) -> Iterator[Draw]:
+    with Renderer(context, scene, camera) as renderer:
+        yield lambda lights, environment, frame: renderer.render(turned(lights, frame), environment)
