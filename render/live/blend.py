@@ -115,6 +115,7 @@ class Blend:
             finally:
                 for part in self._parts:
                     part.stop.set()
+        self._look()
         pass_on_notices(self._parts, self._desk)
         total = Counters()
         for future in running:
@@ -129,7 +130,7 @@ class Blend:
         try:
             return run(is_patient=is_patient)
         except Missing:
-            if part.moment.seen is None:
+            if part.desk.last_seen()[0] is None:
                 raise
             return run(is_patient=True)
         finally:
@@ -145,11 +146,16 @@ class Blend:
             for future in running:
                 if future.done():
                     future.result()
-            if (is_new or self._is_fading()) and all(part.desk.newest for part in self._parts):
+            self._look()
+            if is_new or self._is_fading():
                 pass_on_notices(self._parts, self._desk)
                 seen = self._publish(common_state(self._parts))
                 if seen is not None:
                     self._do_requests(writer, seen)
+
+    def _look(self) -> None:
+        for part in self._parts:
+            part.look()
 
     def _pass_on(self) -> None:
         """Have every source follow the settings of the blend."""
@@ -183,7 +189,7 @@ class Blend:
         return self._weights
 
     def _publish(self, state: State) -> Seen | None:
-        weights, now_s = self._weigh(), time.monotonic()
+        weights = self._weigh()
         if weights is None:
             self._desk.publish(state, None, 0.0, self._account(None, None))
             return None
@@ -201,6 +207,7 @@ class Blend:
         )
         is_draft = self._picture is not None and self._picture.is_draft
         seen = Seen(lights, shown, environment, picture, view_ev, is_draft)
+        now_s = time.monotonic()
         age_s = min(
             part.age_s(now_s)
             for part, weight in zip(self._parts, weights, strict=True)

@@ -18,6 +18,9 @@ from render.session import Counters
 _SEEING = ("running", "clipped", "dark")
 """States of a source that counts."""
 
+_NOT_BEGUN = LiveFrame(0, State("starting"), None, 0.0, 0.0, {})
+_NO_LIGHTS = LightSet(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+
 
 @dataclass(frozen=True)
 class PlacedSource:
@@ -29,30 +32,36 @@ class PlacedSource:
 
 @dataclass
 class Part:
-    """A source while the blend runs; `told` is the number of its last notice that was passed on."""
+    """A source while the blend runs.
+
+    Attributes
+    ----------
+    moment : LiveFrame
+        What counts of it until `look` is called again.
+    told : int
+        Number of its last notice that was passed on.
+    """
 
     source: PlacedSource
     desk: Desk
     stop: Stop = field(default_factory=Stop)
+    moment: LiveFrame = _NOT_BEGUN
     told: int = 0
 
-    @property
-    def moment(self) -> LiveFrame:
-        """The newest there is; a session begins by publishing one."""
-        assert self.desk.newest is not None
-        return self.desk.newest
+    def look(self) -> None:
+        """Have the newest moment count."""
+        self.moment = self.desk.newest or _NOT_BEGUN
 
     @property
     def is_seeing(self) -> bool:
         """Whether what it saw last counts."""
-        moment = self.desk.newest
-        return moment is not None and moment.seen is not None and moment.state.name in _SEEING
+        return self.moment.seen is not None and self.moment.state.name in _SEEING
 
     @property
     def lights(self) -> LightSet:
         """What it saw last; none before."""
         seen = self.moment.seen
-        return LightSet(*_NOTHING) if seen is None else seen.lights
+        return _NO_LIGHTS if seen is None else seen.lights
 
     @property
     def name(self) -> str:
@@ -62,9 +71,6 @@ class Part:
     def age_s(self, now_s: float) -> float:
         """Return how old what it saw last is by now."""
         return self.moment.age_s + now_s - self.moment.published_s
-
-
-_NOTHING = (np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
 
 
 def common_state(parts: Sequence[Part]) -> State:
@@ -108,7 +114,7 @@ def common_account(parts: Sequence[Part], weights: Sequence[float], now_s: float
                 "place_m": part.source.place_m,
                 "weight": round(weight, 4),
                 "state": part.moment.state.name,
-                "age_s": round(part.age_s(now_s), 3),
+                "age_s": None if part.moment.seen is None else round(part.age_s(now_s), 3),
             }
             for part, weight in zip(parts, weights, strict=True)
         ],

@@ -22,7 +22,8 @@ export class Sources {
       item.share.textContent = `${Math.round(100 * weight)} %`;
       item.meter.value = weight;
       item.meter.setAttribute("aria-label", `Share of ${name}`);
-      const told = isSeeing ? states[state] : `${states[state] ?? state}, ${age.toFixed(1)} s old`;
+      const old = isSeeing || age === null ? "" : `, ${age.toFixed(1)} s old`;
+      const told = `${states[state] ?? state}${old}`;
       item.note.textContent = `${told} · at ${place.join(", ")} m`;
     });
   }
