@@ -4,6 +4,7 @@ The (0, 2)-sequence with a random digital shift: each point by itself is even in
 whatever their number, and all of them still spread evenly.
 """
 
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -14,6 +15,7 @@ from lighting.sampling.low_discrepancy import low_discrepancy_points
 from render.reference.pixel_rays import mixed
 
 Points = NDArray[np.uint32]
+PointSet = Callable[[int], Points]
 
 _BITS = 2.0**32
 
@@ -24,6 +26,23 @@ def net(count: int) -> Points:
     points = (low_discrepancy_points(count) * _BITS).astype(np.uint32)
     points.setflags(write=False)
     return points
+
+
+@cache
+def hammersley(count: int) -> Points:
+    """Return the points (s / count, radical inverse of s), (count, 2), as 32 bits each."""
+    index = np.arange(count)
+    inverse = np.zeros(count, np.uint64)
+    for bit in range(32):
+        inverse |= ((index >> bit) & 1).astype(np.uint64) << np.uint64(31 - bit)
+    points = np.stack([(index / count * _BITS).astype(np.uint32), inverse.astype(np.uint32)], -1)
+    points.setflags(write=False)
+    return points
+
+
+def independent(count: int) -> Points:
+    """Return points for which `shift_of` is to be another for each: independent random ones."""
+    return np.zeros((count, 2), np.uint32)
 
 
 @njit(nogil=True)

@@ -9,7 +9,10 @@ from render.estimators.contract import Prepare
 from render.estimators.environment_sampling import inverse_cdf, strata
 from render.estimators.fixed_lights import fixed_lights
 from render.estimators.multiple_importance import BALANCE, POWER, multiple_importance
+from render.estimators.points import hammersley, independent, net
 from render.estimators.resampling import rejection, resampling
+from render.estimators.shared_product import shared_product
+from render.estimators.wavelet import wavelet
 
 _UNBIASED: Mapping[str, Prepare] = {
     "cosine": cosine,
@@ -25,6 +28,11 @@ _UNBIASED: Mapping[str, Prepare] = {
     "resampling-brdf": partial(resampling, by_light=False),
     "rejection-light": partial(rejection, by_light=True),
     "rejection-brdf": partial(rejection, by_light=False),
+    "hierarchical": partial(wavelet, point_set=net, is_product=False),
+    "wavelet": partial(wavelet, point_set=net),
+    "wavelet-hammersley": partial(wavelet, point_set=hammersley),
+    "wavelet-random": partial(wavelet, point_set=independent),
+    "shared-product": shared_product,
 }
 
 _FIXED: Mapping[str, Prepare] = {

@@ -168,7 +168,7 @@ def _propose(
         u, v = shifted(points, s, shift_of(seed, k, i))
         if by_light:
             row, column, x, y, z = draw_from_map(tables, u, v)
-            density = np.float64(tables.density[row, column])
+            density = float(tables.density[row, column])
         else:
             share = mirror_share(surface, i)
             x, y, z = draw_reflected(surface, i, share, u, v)
@@ -183,7 +183,7 @@ def _propose(
 @njit(nogil=True)
 def _most_reflected(surface: Floats, i: int) -> float:  # pragma: no cover - compiled
     """Return about the largest luminance of f n·l: matt, and the mirror at its peak."""
-    n_v = matt = mirror = 0.0
+    n_v, matt, mirror = 0.0, 0.0, 0.0
     for axis in range(3):
         n_v += surface[NORMAL + axis, i] * surface[TO_EYE + axis, i]
         matt += surface[MATT + axis, i] / 3

@@ -121,3 +121,10 @@ def luminance_of(light: Floats, i: int) -> np.float32:  # pragma: no cover - com
     """Return the luminance of what direction `i` carries."""
     red, green, blue = light[CARRIED, i], light[CARRIED + 1, i], light[CARRIED + 2, i]
     return _RED * red + _GREEN * green + _BLUE * blue
+
+
+@njit(nogil=True)
+def cell_luminance(radiance: Floats, row: int, column: int) -> float:  # pragma: no cover - compiled
+    """Return the luminance of a cell of a map."""
+    red, green, blue = radiance[row, column]
+    return np.float64(_RED * red + _GREEN * green + _BLUE * blue)
