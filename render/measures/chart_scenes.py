@@ -31,8 +31,9 @@ View = tuple[Scene, Camera]
 def chart_scenes(meshes: Sequence[Path], size_px: tuple[int, int]) -> dict[str, View]:
     """Return the scenes of mesh files by their names, or without any the three made ones.
 
-    Those are the default scene; slats on posts, whose shadows are stripes; and a heap of seventy
-    balls and rings of all materials, 74,000 triangles.
+    Those are a matt, a metal and a glossy object that float; slats on posts, whose shadows are
+    stripes; and a heap of seventy balls and rings, 80,000 triangles. On a ground everything is
+    matt: what mirrors would show the ground, which the reference, of direct light alone, has black.
 
     Raises
     ------
@@ -41,8 +42,9 @@ def chart_scenes(meshes: Sequence[Path], size_px: tuple[int, int]) -> dict[str, 
     """
     if meshes:
         return {path.stem: frame_meshes(load_meshes(path).meshes, size_px) for path in meshes}
+    objects, camera = default_scene(size_px)
     return {
-        "three objects": default_scene(size_px),
+        "objects": (replace(objects, ground=None), camera),
         "slats": _from_above(_slats(), size_px),
         "heap": _from_above(_heap(), size_px),
     }
@@ -117,7 +119,7 @@ def _slats() -> tuple[Mesh, ...]:
     """Return a roof of slats of 2 cm on four posts, and a ball below it."""
     slats = [_box((x, 0.9, -0.6), (x + 0.02, 1.0, 0.6)) for x in np.arange(-0.7, 0.7, 0.08)]
     posts = [_box((x, 0, z), (x + 0.06, 0.9, z + 0.06)) for x in (-0.7, 0.62) for z in (-0.5, 0.44)]
-    return _joined([*slats, *posts]), sphere((0.1, 0.3, 0.0), 0.3, Material((0.5, 0.3, 0.2), 0.4))
+    return _joined([*slats, *posts]), sphere((0.1, 0.3, 0.0), 0.3, _MATT)
 
 
 def _heap() -> tuple[Mesh, ...]:
@@ -127,8 +129,8 @@ def _heap() -> tuple[Mesh, ...]:
         turn, away = rng.uniform(0, 2 * math.pi), 1.1 * math.sqrt(rng.uniform())
         radius_m = rng.uniform(0.08, 0.22)
         at = (away * math.sin(turn), rng.uniform(radius_m, 0.8), away * math.cos(turn))
-        colour = tuple(rng.uniform(0.2, 0.9, 3))
-        material = Material(colour, rng.uniform(0.2, 1.0), float(number % 4 == 0))
+        red, green, blue = rng.uniform(0.2, 0.9, 3)
+        material = Material((red, green, blue), specular=0.0)
         if number % 3:
             meshes.append(sphere(at, radius_m, material, rings=16))
         else:
