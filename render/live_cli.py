@@ -1,12 +1,12 @@
 """`fishlight live`: a camera's light while it changes, watched and steered from a browser."""
 
 import math
-import os
 import signal
 import sys
 import webbrowser
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -28,6 +28,8 @@ from render.live.picture import LivePicture
 from render.live.running import LiveRequest, Stop, run_live
 from render.live.server import LiveServer
 from render.live.settings import Settings, changed
+from render.live.window import PictureWindow, has_desktop
+from render.session import Counters
 
 PORT = 8040
 
@@ -56,6 +58,7 @@ def live(
     host: str = LOOPBACK,
     port: WholeNumber = PORT,
     origin: Annotated[tuple[str, ...], Parameter(negative=())] = (),
+    window: Annotated[bool, Parameter(negative=())] = False,
     headless: bool = False,
 ) -> None:
     """Turn a camera's light into lights and pictures as it comes, on a page to watch and steer it.
@@ -108,6 +111,8 @@ def live(
         To listen on; 0 for any that is free.
     origin
         A page of another server that may follow the lights, such as http://localhost:5173.
+    window
+        Show the picture in a window, too, whose closing ends the session; needs moderngl-window.
     headless
         Open no browser, and end with an error where something is missing.
     """
@@ -144,22 +149,41 @@ def live(
     if not blend and (len(source) > 1 or place):
         raise InputError("several sources, or a --place, are for --blend")
     desk = Desk(settings, load_models(mesh))
+    picture_px = parse_size(size)
     with (
-        LivePicture(desk.models, parse_size(size)) as picture,
+        PictureWindow(picture_px) if window else nullcontext() as shown,
+        LivePicture(desk.models, picture_px) as picture,
         LiveServer(desk, access, port) as server,
         _stopped_by_signals() as stop,
     ):
         print(f"{server.address}\nCtrl-C ends the session.", flush=True)
-        if not headless and _has_desktop():
+        if not headless and not window and has_desktop():
             webbrowser.open(server.address)
-        if blend:
-            counters = Blend(placed, desk, picture, output, _say).run(stop, is_patient=not headless)
-        else:
-            counters = run_live(requests[0], desk, picture, stop, is_patient=not headless, say=_say)
+        is_patient = not headless
+
+        def run() -> Counters:
+            if blend:
+                return Blend(placed, desk, picture, output, _say).run(stop, is_patient=is_patient)
+            return run_live(requests[0], desk, picture, stop, is_patient=is_patient, say=_say)
+
+        counters = run() if shown is None else _run_beside(shown, run, desk, stop)
     print(
         f"brackets: {counters.captured} captured, {counters.replaced} replaced, "
         f"{counters.merged} merged, {counters.rendered} rendered, {counters.failed} failed"
     )
+
+
+def _run_beside(
+    window: PictureWindow, run: Callable[[], Counters], desk: Desk, stop: Stop
+) -> Counters:
+    """Run the session on a thread of its own: windows want the main one."""
+    with ThreadPoolExecutor(1, "fishlight-session") as thread:
+        running = thread.submit(run)
+        try:
+            window.show(desk, running.done)
+        finally:
+            stop.set()
+    return running.result()
 
 
 def _say(text: str) -> None:
@@ -220,9 +244,3 @@ def _stopped_by_signals() -> Iterator[Stop]:
         yield stop
     finally:
         restore()
-
-
-def _has_desktop() -> bool:
-    return sys.platform == "darwin" or bool(
-        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    )
