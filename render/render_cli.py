@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
+import moderngl
 import numpy as np
 from cyclopts import Parameter
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import read_environment
 from render.moving.renderer import MovingRenderer
 from render.occlusion_cli import check_occlusion_flags, draw_occlusion
-from render.opengl.context import GlUnavailable, create_context
+from render.opengl.context import GlUnavailable, draw_in_context
 from render.opengl.renderer import Renderer
 from render.output.pictures import check_picture_suffix, write_picture
 from render.output.view import auto_exposure_ev
@@ -131,13 +132,16 @@ def draw(
     scene: Scene, camera: Camera, lights: LightSet, background: EnvironmentMap | None
 ) -> tuple[NDArray[np.float32], str]:
     """Return the picture, with shadow maps or, where there is no OpenGL, rays; and which if so."""
+
+    def with_maps(context: moderngl.Context) -> NDArray[np.float32]:
+        with Renderer(context, scene, camera, SAMPLES_PER_AXIS) as renderer:
+            return renderer.render(lights, background)
+
     try:
-        context = create_context()
+        return draw_in_context(with_maps), ""
     except GlUnavailable:
         with MovingRenderer(scene, camera, SAMPLES_PER_AXIS) as renderer:
             return renderer.render(lights, background), ", no OpenGL: drawn with rays"
-    with context, Renderer(context, scene, camera, SAMPLES_PER_AXIS) as mapped:
-        return mapped.render(lights, background), ""
 
 
 def scene_to_render(mesh: Path | None, size_px: tuple[int, int]) -> tuple[Scene, Camera]:

@@ -6,7 +6,8 @@ Fails  : without EGL or a driver, with the line that installs both. A machine wi
 """
 
 import importlib.resources
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import moderngl
 import numpy as np
@@ -20,7 +21,10 @@ _SETTINGS: tuple[dict[str, Any], ...] = (
     {"backend": "egl"},
     {"backend": "egl", "libgl": "libOpenGL.so.0", "libegl": "libEGL.so.1"},
 )
+_NO_ERROR = "GL_NO_ERROR"
 _SOFTWARE_NAMES = ("llvmpipe", "softpipe", "swrast")
+
+Drawn = TypeVar("Drawn")
 
 
 class GlUnavailable(FishlightError):
@@ -45,6 +49,31 @@ def create_context() -> moderngl.Context:
             context.gc_mode = "auto"
             return context
     raise GlUnavailable(f"OpenGL is not available ({'; '.join(failures)}). Install it: {REMEDY}")
+
+
+def draw_in_context(draw: Callable[[moderngl.Context], Drawn]) -> Drawn:
+    """Return what `draw` makes in a new context; if that is lost meanwhile, once more in another.
+
+    A driver that is restarted, or out of memory, takes with it what was drawn; `draw` has all it
+    needs outside of OpenGL.
+
+    Raises
+    ------
+    GlUnavailable
+        If there is no context, or two are lost.
+    """
+    try:
+        with create_context() as context:
+            drawn = draw(context)
+            if context.error == _NO_ERROR:
+                return drawn
+    except moderngl.Error:  # nothing can be made in a lost context; any other cause comes again
+        pass
+    with create_context() as context:
+        drawn = draw(context)
+        if (error := context.error) == _NO_ERROR:
+            return drawn
+    raise GlUnavailable(f"OpenGL failed twice while it drew ({error})")
 
 
 def is_software(context: moderngl.Context) -> bool:

@@ -13,7 +13,7 @@ from capture.sensor import srgb_encode
 from lighting.light_files import write_lights
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import write_environment
-from render import render_cli
+from render.opengl import context
 from render.opengl.context import GlUnavailable
 from render.render_cli import parse_exposure, render
 from tests.render.light_sets import random_lights
@@ -44,7 +44,7 @@ def test_without_opengl_rays_draw_the_picture(tmp_path, lights, capsys, monkeypa
     def refuse():
         raise GlUnavailable("no EGL")
 
-    monkeypatch.setattr(render_cli, "create_context", refuse)
+    monkeypatch.setattr(context, "create_context", refuse)
     render(lights=lights, output=tmp_path / "p.png", size="64x48")
     assert 60 < np.median(read_picture(tmp_path / "p.png")) < 180
     assert "no OpenGL: drawn with rays" in capsys.readouterr().out
