@@ -19,7 +19,12 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 from capture.errors import FishlightError
+from capture.frame import Bracket
+from capture.live_source import LiveSource
+from capture.reopening import CameraAway
 from capture.v4l2.camera import BracketCamera, CameraRequest, open_camera
 from capture.v4l2.controls import list_controls, write_control
 from capture.v4l2.node import VideoNode
@@ -29,6 +34,7 @@ from tests.camera.uvc_stamp import stamp_of_data
 
 TIMES_S = (0.001, 0.005, 0.02)
 BRACKETS = 6
+LIVE_BRACKETS = 3
 PAUSE_S = 1.0
 
 RATE_HZ = 20.0
@@ -63,6 +69,7 @@ class Schedule:
             "recorded-YUYV": partial(self._record, "YUYV"),
             "replugged-MJPG": partial(self._record_through_replug, "MJPG"),
             "killed-RG16": partial(self._record_until_killed, "RG16"),
+            "live-YUYV": partial(self._follow_through_replug, "YUYV"),
         }
         with (self._share / "report.jsonl").open("w", buffering=1) as report:
             for name, step in steps.items():
@@ -142,6 +149,31 @@ class Schedule:
         self._wait_for_two_brackets(name, recorder)
         os.kill(recorder, signal.SIGKILL)
         return {"status": status_of(recorder)}
+
+    def _follow_through_replug(self, pixel_format: str) -> Outcome:
+        """Take brackets as a live session does, pull the plug in between, and keep what came."""
+        folder = self._memory / "live"
+        folder.mkdir()
+        came: list[Outcome] = []
+        brackets = away = 0
+        request = CameraRequest(camera_name(), None, pixel_format, RATE_HZ)
+        with LiveSource(request, exposures_s=TIMES_S) as source:
+            for item in source:
+                if isinstance(item, Bracket):
+                    brackets += 1
+                    np.save(folder / f"{len(came)}.npy", [frame.counts for frame in item.frames])
+                    came.append({"times_s": [frame.exposure.time_s for frame in item.frames]})
+                    if brackets == LIVE_BRACKETS:
+                        self._process.tell("unplug")
+                    elif brackets == 2 * LIVE_BRACKETS:
+                        source.stop()
+                else:
+                    is_away = isinstance(item, CameraAway)
+                    came.append({"error": str(item), "is_away": is_away})
+                    away += is_away
+                    if away == 2 and is_away:
+                        self._process.tell("plug")
+            return {"came": came, "reopened": source.reopened_count}
 
     def _wait_for_two_brackets(self, name: str, recorder: int) -> None:
         journal = self._memory / name / "frames.jsonl"

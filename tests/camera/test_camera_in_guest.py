@@ -6,7 +6,9 @@ scene's radiance is known.
 """
 
 import json
-from dataclasses import dataclass
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +16,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from calibration.files import read_calibration
+from capture.errors import UnreadableFrame
+from capture.frame import Bracket, Exposure, Frame
 from capture.merge import merge_bracket
 from capture.recording import open_recording
-from tests.camera.camera_schedule import BRACKETS, TIMES_S
+from capture.reopening import CameraAway
+from capture.sensor import Sensor
+from render.live.desk import Desk, LiveFrame
+from render.live.models import load_models
+from render.live.session import LiveSession
+from render.live.settings import Settings
+from render.live.stream import stream_message
+from tests.camera.camera_schedule import BRACKETS, LIVE_BRACKETS, TIMES_S
 from tests.camera.required_guest import run_schedule
 from tests.camera.scene_pictures import UNIT_S, PictureSet, patches, write_pictures
 from tests.camera.uvc_stamp import stamp_of_counts, stamp_of_data
@@ -182,3 +194,101 @@ def middles(picture: NDArray[Any]) -> NDArray[np.float64]:
     rows = np.asarray(picture, np.float64)[: 7 * SIDE_PX]
     squares = rows.reshape(7, SIDE_PX, 10, SIDE_PX, -1)
     return squares[:, 4:12, :, 4:12].mean(axis=(1, 3))
+
+
+class Forwarded:
+    """What a live source gave in the guest, given again here; each when the last was published."""
+
+    name = "emulated"
+    reopened_count = 1
+
+    def __init__(
+        self, folder: Path, came: list[Facts], sensor: Sensor, moments: list[LiveFrame]
+    ) -> None:
+        self.sensor = sensor
+        self._moments = moments
+        self.items: list[Bracket | UnreadableFrame] = []
+        for number, facts in enumerate(came):
+            if "times_s" in facts:
+                counts = np.load(folder / f"{number}.npy")
+                self.items.append(bracket_of(counts, facts["times_s"], number))
+            elif facts["is_away"]:
+                self.items.append(CameraAway(facts["error"], 0.0))
+            else:
+                self.items.append(UnreadableFrame(facts["error"]))
+        first = next(item for item in self.items if isinstance(item, Bracket))
+        self.size_px = first.frames[0].size_px
+
+    def __iter__(self) -> Iterator[Bracket | UnreadableFrame]:
+        for number, item in enumerate(self.items):
+            while len(self._moments) < number:
+                time.sleep(0.005)
+            if isinstance(item, Bracket):
+                stamp_s = time.monotonic()
+                frames = tuple(replace(frame, timestamp_s=stamp_s) for frame in item.frames)
+                yield Bracket(frames, item.index)
+            else:
+                yield item
+
+
+def bracket_of(counts: NDArray[Any], times_s: list[float], number: int) -> Bracket:
+    frames = zip(counts, times_s, strict=True)
+    return Bracket(
+        tuple(
+            Frame(each, Exposure(time_s), 0.0, len(times_s) * number + position)
+            for position, (each, time_s) in enumerate(frames)
+        ),
+        number,
+    )
+
+
+def test_a_live_session_says_that_the_camera_is_away_and_goes_on_when_it_is_back(
+    session: Session, tmp_path: Path
+) -> None:
+    step = outcome(session, "live-YUYV")
+    assert step["reopened"] == 1
+    sensor = open_recording(session.share / "recordings" / "recorded-YUYV").sensor
+    moments: list[LiveFrame] = []
+    source = Forwarded(session.share / "recordings" / "live", step["came"], sensor, moments)
+    for item in source.items:
+        if isinstance(item, Bracket):
+            for frame in item.frames:
+                stamp = stamp_of_counts(frame.counts)
+                assert frame.exposure.time_s == pytest.approx(stamp.exposure * UNIT_S)
+
+    desk = Desk(Settings(count=8, is_steady=False), load_models(()))
+    desk.listen(lambda: moments.append(desk.newest) if desk.newest else None)
+    width, height = source.size_px
+    (tmp_path / "cal.json").write_text(
+        json.dumps(
+            {
+                "model": "equidistant",
+                "image_size_px": [width, height],
+                "centre_px": [(width - 1) / 2, 7 * SIDE_PX / 2],
+                "focal_px": 50.0,
+                "valid_angle_rad": 1.0,  # within the squares
+            }
+        )
+    )
+    calibration = read_calibration(tmp_path / "cal.json")
+    counters = LiveSession(desk, source, calibration, 32, None, lambda *_: None).run()
+
+    assert counters.captured == len(step["came"])
+    assert counters.rendered == 2 * LIVE_BRACKETS
+    states = [moment.state.name for moment in moments]
+    away = states.count("away")
+    assert away >= 2
+    expected = ["running"] * LIVE_BRACKETS + ["away"] * away + ["running"] * LIVE_BRACKETS
+    assert states == [*expected, "ended"]
+    before, gone = moments[LIVE_BRACKETS - 1], moments[LIVE_BRACKETS : LIVE_BRACKETS + away]
+    back = moments[LIVE_BRACKETS + away]
+    assert all(moment.seen is before.seen for moment in gone), "the last good lights stay"
+    ages_s = [moment.age_s for moment in [before, *gone]]
+    assert ages_s == sorted(ages_s)
+    assert json.loads(stream_message(gone[-1]))["stale"]
+    assert not json.loads(stream_message(back))["stale"]
+    assert before.seen is not None
+    assert back.seen is not None
+    np.testing.assert_allclose(
+        back.seen.lights.integral(), before.seen.lights.integral(), rtol=0.02
+    )
