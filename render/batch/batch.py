@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from capture.errors import InputError
+from capture.errors import FishlightError, InputError
 from capture.output import check_place, write_json
 from capture.recording import open_recording
 from lighting.measures.sequence_table import SequenceTable
@@ -151,8 +151,14 @@ def run_batch(
                     f"{sequence.job.recording.folder}: {error_line(error)}"
                 ),
             )
-            tracker.run_all(sequences())
-    write_json(output / REPORT_NAME, {"schema": "fishlight-batch-report/1", **vars(summary)})
+            try:
+                tracker.run_all(sequences())
+            except FishlightError as error:  # the scheduler is lost, or the index's disk is full
+                summary.stop(str(error))
+    try:
+        write_json(output / REPORT_NAME, {"schema": "fishlight-batch-report/1", **vars(summary)})
+    except InputError as error:
+        summary.stop(str(error))
     return summary
 
 

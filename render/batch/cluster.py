@@ -1,4 +1,9 @@
-"""The processes that a batch works with: this machine's, or those of a cluster that is there."""
+"""The processes that a batch works with: this machine's, or those of a cluster that is there.
+
+Fails  : dask trusts whoever reaches its scheduler. One of this machine's own is reached from this
+machine alone, by any user of it; on a machine that is shared with people who are not trusted, start
+one with TLS and name it.
+"""
 
 import logging
 import os
@@ -42,7 +47,7 @@ def connected(scheduler: str | None, worker_count: int | None = None) -> Iterato
         LocalCluster(
             n_workers=worker_count,
             threads_per_worker=max(1, cores // worker_count),
-            dashboard_address=None,
+            dashboard_address="127.0.0.1:0",
             silence_logs=logging.CRITICAL,
         ) as cluster,
         Client(cluster) as client,

@@ -6,6 +6,9 @@ that the short ones, for which the next run may be waiting, never queue behind t
 those to where the prepared frames lie. What goes through the client is a run's record and the place
 of a file, and the lights if there is to be a preview: nothing that is as large as a picture.
 
+A run whose worker is gone is dealt out again: the client looks who is there, since dask would wait
+for that worker to come back.
+
 The client holds a few runs for each worker, whatever there is to do in all. It alone knows in which
 order lights follow, and dask no more than three tasks of each run in flight: a chain of tasks that
 depend on one another would be worked off from its beginning whenever a worker is lost.
@@ -18,16 +21,19 @@ Fails  : the scheduler must live; where it does not, what is done is on disk, an
 
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from typing import Any, NamedTuple, Protocol
 from uuid import uuid4
 
 import numba
-from distributed import Client, Future, KilledWorker, as_completed, get_worker, secede
+from distributed import Client, Future, KilledWorker, get_worker, secede
 
 from capture.errors import FishlightError
+from render.batch.attempts import MOST_ATTEMPTS
 from render.batch.frames import (
     LitRun,
     PreparedFrame,
@@ -41,9 +47,10 @@ from render.batch.runs import Job, Run
 _RUNS_PER_THREAD = 3
 """Runs in flight: one being prepared, one whose lights are found, one that waits for its turn."""
 _LIGHT_FIRST, _PREVIEW_NEXT = 2, 1
-_MOST_LOSSES = 16
-"""Times that dask may give up a run whose workers die. Frames that end them are soon known
-(attempts.py); what is left is trouble with the workers themselves."""
+_LOOK_S = 2.0
+"""How often to look for workers that are gone, when nothing else happens."""
+_MOST_LOSSES = 2
+"""Workers that may be lost with a run, beside those that its frames are known to have ended."""
 _DEPTH = 4
 """Runs of one recording in flight before another recording is begun."""
 
@@ -80,17 +87,18 @@ _STEPS = Steps()
 
 @dataclass(eq=False)
 class _RunInFlight:
-    """A run, the worker it was dealt to, and what it follows once that is known."""
+    """A run, the worker it was dealt to, and the one task that is awaited for it."""
 
     queue: "_Queue"
     run: Run
     worker: str
+    losses: int = 0
+    awaited: str = ""
     prepared: Future[Any] | None = None
     is_prepared: bool = False
     follows: tuple[str, Path | None] | None = None
     lit: Future[Any] | None = None
     record: RunRecord | None = None
-    losses: int = 0
 
 
 @dataclass(eq=False)
@@ -127,9 +135,9 @@ class Tracker:
         self._on_failed = on_failed
         self._steps = steps
         self._queues: list[_Queue] = []
-        self._in_flight: set[_RunInFlight] = set()
-        self._owners: dict[str, _RunInFlight] = {}
-        self._completed = as_completed(loop=client.loop)
+        self._in_flight: dict[_RunInFlight, None] = {}
+        self._lost: deque[_RunInFlight] = deque()
+        self._done: SimpleQueue[tuple[_RunInFlight, Future[Any]]] = SimpleQueue()
         self._name = f"fishlight-{uuid4().hex[:8]}"
         self._numbers = count()
 
@@ -145,10 +153,10 @@ class Tracker:
             self._deal_out(sequences)
             if not self._in_flight:
                 return
-            future = next(self._completed)
-            run = self._owners.pop(str(future.key), None)
-            if run is not None:
-                self._go_on(run, future)
+            with suppress(Empty):
+                run, future = self._done.get(timeout=_LOOK_S)
+                if future.key == run.awaited:
+                    self._go_on(run, future)
 
     def _deal_out(self, sequences: Iterator[FrameSequence]) -> None:
         """Give each thread of each worker a run to prepare, as long as there are any."""
@@ -156,15 +164,30 @@ class Tracker:
         while not threads and not self._in_flight:
             self._client.wait_for_workers(1)
             threads = self._client.nthreads()
+        for run in [run for run in self._in_flight if run.worker and run.worker not in threads]:
+            self._lose(run, FishlightError(f"worker after worker is lost, last {run.worker}"))
         busy = Counter(run.worker for run in self._in_flight if not run.is_prepared)
         most = _RUNS_PER_THREAD * sum(threads.values())
         for worker, thread_count in threads.items():
-            while busy[worker] < thread_count and len(self._in_flight) < most:
+            while busy[worker] < thread_count and (self._lost or len(self._in_flight) < most):
                 if not self._start_run(worker, sequences):
                     return
                 busy[worker] += 1
 
+    def _lose(self, run: _RunInFlight, error: BaseException) -> None:
+        """Have a run dealt out again, from its beginning."""
+        run.losses += 1
+        if run.losses > MOST_ATTEMPTS * len(run.run) + _MOST_LOSSES:
+            self._fail(run, error)
+            return
+        run.worker = run.awaited = ""
+        run.is_prepared, run.prepared, run.lit = False, None, None
+        self._lost.append(run)
+
     def _start_run(self, worker: str, sequences: Iterator[FrameSequence]) -> bool:
+        if self._lost:
+            self._prepare(self._lost.popleft(), worker)
+            return True
         depth = min((len(queue.runs) for queue in self._queues), default=_DEPTH)
         if depth >= _DEPTH:
             self._open_next(sequences)
@@ -175,8 +198,8 @@ class Tracker:
                 if run is not None:
                     started = _RunInFlight(queue, run, worker)
                     queue.runs.append(started)
-                    self._in_flight.add(started)
-                    self._prepare(started)
+                    self._in_flight[started] = None
+                    self._prepare(started, worker)
                     return True
             if not self._open_next(sequences):
                 return False
@@ -187,16 +210,10 @@ class Tracker:
             self._queues.append(_Queue(sequence))
         return sequence is not None
 
-    def _prepare(self, run: _RunInFlight) -> None:
-        run.is_prepared = False
-        run.prepared = self._submit(
-            run,
-            _prepare,
-            self._steps.prepare,
-            run.queue.sequence.job,
-            run.run,
-            workers=[run.worker],
-        )
+    def _prepare(self, run: _RunInFlight, worker: str) -> None:
+        run.worker = worker
+        step, job = self._steps.prepare, run.queue.sequence.job
+        run.prepared = self._submit(run, _prepare, step, job, run.run, workers=[worker])
 
     def _light(self, run: _RunInFlight) -> None:
         sequence = run.queue.sequence
@@ -213,16 +230,9 @@ class Tracker:
         )
 
     def _submit(self, run: _RunInFlight, *call: Any, **wishes: Any) -> Future[Any]:
-        key = f"{self._name}-{next(self._numbers)}"
-        future = self._client.submit(
-            *call,
-            key=key,
-            pure=False,
-            allow_other_workers="workers" in wishes,
-            **wishes,
-        )
-        self._owners[key] = run
-        self._completed.add(future)
+        run.awaited = f"{self._name}-{next(self._numbers)}"
+        future = self._client.submit(*call, key=run.awaited, pure=False, **wishes)
+        future.add_done_callback(lambda future: self._done.put((run, future)))
         return future
 
     def _go_on(self, run: _RunInFlight, future: Future[Any]) -> None:
@@ -231,9 +241,8 @@ class Tracker:
                 "the scheduler is gone; what is done is kept, start the batch again to go on"
             )
         error = future.exception()
-        if isinstance(error, KilledWorker) and run.losses < _MOST_LOSSES:
-            run.losses += 1
-            self._prepare(run)
+        if isinstance(error, KilledWorker):
+            self._lose(run, error)
         elif error is not None:
             self._fail(run, error)
         elif future == run.prepared:
@@ -267,16 +276,18 @@ class Tracker:
             self._finish(run)
 
     def _finish(self, run: _RunInFlight) -> None:
-        self._in_flight.remove(run)
+        del self._in_flight[run]
         if run.record is not None:
             self._on_concluded(run.record)
 
     def _fail(self, run: _RunInFlight, error: BaseException) -> None:
         """Give up a run, and with it those after it, whose lights would have followed."""
         queue = run.queue
-        given_up = {run, *queue.runs}
-        self._in_flight -= given_up
-        self._owners = {key: run for key, run in self._owners.items() if run not in given_up}
+        for given_up in {run, *queue.runs}:
+            given_up.awaited = ""
+            self._in_flight.pop(given_up, None)
+            if given_up in self._lost:
+                self._lost.remove(given_up)
         if queue in self._queues:
             self._queues.remove(queue)
             self._on_failed(queue.sequence, error)

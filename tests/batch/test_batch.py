@@ -11,9 +11,10 @@ import pytest
 from distributed import LocalCluster
 
 from capture.errors import InputError
+from capture.output import PARTIAL_PREFIX
 from capture.recording import open_recording
 from lighting.light_files import read_lights
-from lighting.measures.sequence_table import read_sequence_table
+from lighting.measures.sequence_table import SequenceTable, read_sequence_table
 from lighting.stream.light_stream import LightPlan
 from render.batch import frames
 from render.batch.batch import INDEX_NAME, BatchSummary, run_batch
@@ -28,7 +29,7 @@ SETTINGS = Settings(("merge", "remap", "lights"), LightPlan(6), 16)
 def scheduler() -> Iterator[str]:
     """Two workers that are threads of this process: quick to start, and seen by monkeypatch."""
     with LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None
+        n_workers=2, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0"
     ) as cluster:
         yield cluster.scheduler_address
 
@@ -176,14 +177,30 @@ def test_a_full_disk_costs_nothing_that_was_done(batch, sky, expected, tmp_path,
     summary = batch(sky, output=tmp_path)
     assert summary.stopped_recordings == 1
     assert "No space left" in summary.reasons[0]
-    before = written(tmp_path)
-    assert sum(path.parent.name == "maps" for path in before) == 4
+    before = {
+        path: time_ns
+        for path, time_ns in written(tmp_path).items()
+        if path.parent.name == "maps" and not path.name.startswith(PARTIAL_PREFIX)
+    }
+    assert len(before) == 4
     monkeypatch.undo()
     assert not batch(sky, output=tmp_path).has_failures
     assert results(tmp_path, sky) == expected
     assert {
         path: time_ns for path, time_ns in written(tmp_path).items() if path in before
     } == before
+
+
+def test_an_index_that_cannot_be_written_ends_in_a_summary_too(batch, sky, tmp_path, monkeypatch):
+    def fail(*_: object) -> None:
+        raise InputError("index.sqlite: database or disk is full")
+
+    monkeypatch.setattr(SequenceTable, "put", fail)
+    summary = batch(sky, output=tmp_path)
+    assert summary.reasons == ["index.sqlite: database or disk is full"]
+    monkeypatch.undo()
+    assert not batch(sky, output=tmp_path).has_failures
+    assert len(read_sequence_table(tmp_path / INDEX_NAME)) == FRAMES
 
 
 def test_a_frame_that_fails_for_no_known_reason_is_tried_three_times(

@@ -76,7 +76,7 @@ def results(output: Path, recording: Path) -> dict[str, list[bytes]]:
     """Return the bytes of every map and lights file of a batch, in the order of frames."""
     [folder] = output.glob(f"{recording.name}-*")
     return {
-        kind: [path.read_bytes() for path in sorted((folder / kind).iterdir())]
+        kind: [path.read_bytes() for path in sorted((folder / kind).glob("[!.]*"))]
         for kind in ("maps", "lights")
     }
 
