@@ -1,0 +1,355 @@
+"""`fishlight chart render`: what is measured, remembered, summarised and drawn."""
+
+from contextlib import contextmanager
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from capture.errors import InputError
+from lighting.light_set import LightSet
+from lighting.maps.environment_files import write_environment
+from lighting.measures import line_chart
+from lighting.measures.chart import Point
+from render import chart_cli
+from render.chart_cli import chart_render
+from render.measures import chart, growth, truths
+from render.measures.chart_drawing import ERROR_CHART, GROWTH_CHART
+from render.measures.chart_scenes import chart_maps, chart_scenes, map_digest, view_digest
+from render.measures.picture_errors import Truth, away_from_outlines, mean_flip, relative_rmse
+from render.measures.ways import RAYS, SHADOW_MAPS, TRANSPORT, turned, ways
+from render.scenes.casters import gather_casters
+from render.scenes.default_scene import sphere
+from render.scenes.scene import Camera, Ground, Material, Scene
+from tests.environments import constant, environment, outdoors
+from tests.render import brute_force
+from tests.render.light_sets import random_lights
+
+MATT = Material((0.6, 0.6, 0.6), specular=0.0)
+BALL = brute_force.SphereScene((0.0, 0.5, 0.0), 0.5, MATT, Ground(0.0, (0.5, 0.5, 0.5), 20))
+CAMERA = Camera(np.array([0.5, 2.0, 2.5]), np.array([0.0, 0.4, 0.0]), 0.7, (32, 24))
+SCENE = Scene((sphere(BALL.centre, BALL.radius_m, MATT, 24),), BALL.ground)
+EVEN = Truth(np.ones((24, 32, 3), np.float32), 0.0, np.ones((24, 32), bool))
+
+
+class Painter:
+    """A way that paints everything in one shade, and counts what is asked of it."""
+
+    def __init__(self, shade=1.0):
+        self.shade, self.opened, self.closed, self.frames = shade, 0, 0, []
+
+    @contextmanager
+    def __call__(self, scene, camera):
+        self.opened += 1
+        yield self.draw
+        self.closed += 1
+
+    def draw(self, lights, environment_map, frame):
+        self.frames.append((len(lights), frame))
+        return np.full((24, 32, 4), self.shade, np.float32)
+
+
+def case(truth=EVEN, scene=SCENE, environment_map=None):
+    return chart.Case("s", "m", scene, CAMERA, environment_map or outdoors(8), lambda: truth)
+
+
+def measured(way="a", count=4, ms=1.0, rmse=0.1, **others):
+    return chart.Measurement("s", "m", way, count, count, ms, 0.0, rmse, 0.05)
+
+
+def test_the_scenes_are_three_and_closed():
+    scenes = chart_scenes((), (32, 24))
+    assert list(scenes) == ["objects", "slats", "heap"]
+    for scene, _ in scenes.values():
+        assert len(gather_casters(scene.meshes).open_faces) == 0
+    slats = scenes["slats"][0].meshes[0]
+    corners = slats.positions[slats.faces]
+    facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert np.all(np.sum(facing * slats.normals[slats.faces[:, 0]], axis=1) > 0)
+
+
+def test_the_maps_are_five_and_lit():
+    maps = chart_maps(())
+    assert list(maps) == ["indoor", "outdoor", "low sun", "overcast", "lamp"]
+    assert all(found.radiance.any() for found in maps.values())
+    assert len({map_digest(found) for found in maps.values()}) == 5
+
+
+def test_a_digest_tells_views_apart_by_what_is_in_them():
+    same = Scene((sphere(BALL.centre, BALL.radius_m, MATT, 24),), Ground(0.0, (0.5,) * 3, 20))
+    assert view_digest(same, replace(CAMERA)) == view_digest(SCENE, CAMERA)
+    [mesh] = SCENE.meshes
+    texture = np.zeros((2, 2, 3), np.uint8)
+    others = [
+        (SCENE, replace(CAMERA, eye=CAMERA.eye + 1e-9)),
+        (SCENE, replace(CAMERA, size_px=(24, 32))),
+        (replace(SCENE, ground=None), CAMERA),
+        (replace(SCENE, meshes=(replace(mesh, positions=mesh.positions + 1),)), CAMERA),
+        (replace(SCENE, meshes=(replace(mesh, material=replace(MATT, roughness=0.9)),)), CAMERA),
+        (
+            replace(
+                SCENE,
+                meshes=(replace(mesh, material=replace(MATT, base_colour_texture=texture)),),
+            ),
+            CAMERA,
+        ),
+    ]
+    digests = {view_digest(scene, camera) for scene, camera in [*others, (SCENE, CAMERA)]}
+    assert len(digests) == len(others) + 1
+
+
+def test_outlines_are_where_a_pixel_shows_more_than_one_thing():
+    camera = replace(CAMERA, size_px=(64, 48))
+    ours = away_from_outlines(SCENE, camera)
+    theirs = brute_force.away_from_outlines(BALL, camera)
+    # The ray caster's test looks at what is hit only, not at how it turns along the rim.
+    assert np.all(theirs[1:-1, 1:-1] >= ours[1:-1, 1:-1])
+    assert ours.sum() > 0.85 * theirs.sum()
+    empty = brute_force.trace(BALL, camera, random_lights(1, 0))[..., 3] == 0
+    assert not ours[empty].any()
+
+
+def test_relative_rmse_is_without_outlines_and_the_truths_own_error():
+    rng = np.random.default_rng(0)
+    true = rng.uniform(0.5, 1.5, (24, 32, 3)).astype(np.float32)
+    compared = np.zeros((24, 32), bool)
+    compared[4:20, 4:28] = True
+    picture = np.where(compared[..., None], 1.1 * true, 7.0)
+    assert relative_rmse(picture, Truth(true, 0.0, compared)) == pytest.approx(0.1, rel=1e-5)
+    power = np.mean(true[compared] ** 2)
+    noisy = Truth(true, 0.06**2 * power, compared)
+    assert relative_rmse(picture, noisy) == pytest.approx(0.08, rel=1e-4)
+    assert relative_rmse(true, noisy) == 0
+
+
+def test_flip_sees_nothing_of_outlines():
+    compared = np.ones((24, 32), bool)
+    compared[:, 16] = False
+    truth = Truth(EVEN.radiance, 0.0, compared)
+    picture = EVEN.radiance.copy()
+    picture[:, 16] = 50.0
+    assert mean_flip(picture, truth) == 0
+    picture[:, 0] = 0.5
+    assert mean_flip(picture, truth) > 0
+
+
+def test_a_truth_is_traced_once(tmp_path, monkeypatch):
+    traced = []
+
+    def trace(scene, camera, light, **limits):
+        traced.append(light)
+        shape = (24, 32, 4)
+        error = np.full((24, 32, 3), 0.1, np.float32)
+        return SimpleNamespace(radiance=np.ones(shape, np.float32), standard_error=error)
+
+    monkeypatch.setattr(truths, "render_reference", trace)
+    first, again = (
+        truths.truth_of(SCENE, CAMERA, light, tmp_path / "kept") for light in (constant(8),) * 2
+    )
+    assert len(traced) == 1
+    assert_array_equal(first.radiance, again.radiance)
+    assert first.variance == again.variance == pytest.approx(0.01)
+    truths.truth_of(SCENE, CAMERA, outdoors(8), tmp_path / "kept")
+    assert len(traced) == 2
+    for path in (tmp_path / "kept").iterdir():
+        path.write_bytes(b"no archive")
+    with pytest.raises(InputError, match=r"npz: not a kept reference picture .* remove it"):
+        truths.truth_of(SCENE, CAMERA, outdoors(8), tmp_path / "kept")
+
+
+def test_lights_turn_about_the_vertical():
+    lights = random_lights(5, seed=1)
+    assert_array_equal(turned(lights, 0).directions, lights.directions)
+    after = turned(lights, 3).directions
+    assert_array_equal(after[:, 1], lights.directions[:, 1])
+    across = np.arctan2(lights.directions[:, 0], lights.directions[:, 2])
+    turn = np.degrees(np.arctan2(after[:, 0], after[:, 2]) - across)
+    np.testing.assert_allclose((turn + 180) % 360 - 180, 1.5, atol=1e-9)
+
+
+@pytest.mark.gl
+def test_every_way_draws_the_same_scene():
+    lights = random_lights(4, seed=3)
+    lights = LightSet(lights.directions, lights.irradiance, np.full(4, 0.01))
+    inside = away_from_outlines(SCENE, CAMERA)
+    true = brute_force.trace(BALL, CAMERA, brute_force.as_points(lights, 64))[inside, :3]
+    with ways() as found:
+        assert {RAYS, TRANSPORT, SHADOW_MAPS} <= set(found)
+        for name, way in found.items():
+            with way(SCENE, CAMERA) as draw:
+                still, moved = (draw(lights, constant(8), frame)[inside, :3] for frame in (0, 4))
+            rmse = np.sqrt(np.mean((still - true) ** 2) / np.mean(true**2))
+            assert rmse < 0.1, name
+            assert np.abs(moved - still).max() > 0.01, name
+
+
+def test_a_way_is_opened_once_and_each_count_drawn_and_timed():
+    painter = Painter(1.25)
+    rows = list(chart.measure([case()], {"paint": painter}, [4, 8], {}))
+    assert (painter.opened, painter.closed) == (1, 1)
+    lights = {row.lights for row in rows}
+    assert {(count, frame) for count in lights for frame in range(6)} == set(painter.frames)
+    assert [row.rmse for row in rows] == pytest.approx([0.25, 0.25])
+    assert all(0 < row.flip < 1 and row.ms > 0 and row.setup_ms > 0 for row in rows)
+
+
+def test_what_is_known_is_not_measured_again():
+    painter, known = Painter(), {}
+    first = list(chart.measure([case()], {"paint": painter}, [4], known))
+    renamed = replace(case(), scene_name="another", map_name="name")
+    [again] = chart.measure([renamed], {"paint": painter}, [4], known)
+    assert painter.opened == 1
+    assert (again.scene, again.map_name, again.ms) == ("another", "name", first[0].ms)
+    for other in (case(environment_map=constant(8)), case(scene=replace(SCENE, ground=None))):
+        opened = painter.opened
+        list(chart.measure([other], {"paint": painter}, [4], known))
+        assert painter.opened == opened + 1
+
+
+def test_a_way_that_is_too_slow_is_spared_more_lights(monkeypatch):
+    clock = iter(range(0, 1000, 3))
+    monkeypatch.setattr(chart, "time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    rows = list(chart.measure([case()], {"slow": Painter()}, [4, 8], {}))
+    assert rows[0].ms == 3000
+    assert rows[1] is None
+
+
+def test_points_are_medians_over_cases_and_the_worst_of_them():
+    rows = [measured(ms=ms, rmse=ms / 10) for ms in (1.0, 2.0, 9.0)]
+    rows += [measured(count=8), measured("b", ms=4.0), measured("b"), measured("b")]
+    ours, theirs = chart.points_of(rows)
+    assert (ours.system, ours.count, ours.ms) == ("a", 4, 2.0)
+    assert ours.errors == {chart.RMSE: 0.2, chart.FLIP: 0.05, chart.WORST: 0.9, chart.MS: 2.0}
+    assert (theirs.system, theirs.ms) == ("b", 1.0)
+
+
+def test_growth_is_by_triangles_and_by_pixels(monkeypatch):
+    monkeypatch.setattr(growth, "COUNTS", {growth.TRIANGLES: (64, 1024), growth.PIXELS: (12, 300)})
+    painter, known = Painter(), {}
+    found = list(growth.measure(constant(8), {"paint": painter}, known))
+    assert [(row.of, row.count) for row in found] == [
+        (of, count) for of, counts in growth.COUNTS.items() for count in counts
+    ]
+    assert painter.opened == 4
+    for of, view in growth.VIEWS.items():
+        for count in growth.COUNTS[of]:
+            scene, camera = view(count)
+            triangles = sum(len(mesh.faces) for mesh in scene.meshes)
+            pixels = camera.size_px[0] * camera.size_px[1]
+            assert (triangles if of == growth.TRIANGLES else pixels) == count
+    assert list(growth.measure(constant(8), {"paint": painter}, known)) == found
+    assert painter.opened == 4
+    assert growth.points_of(found)[0].errors == {growth.TRIANGLES: found[0].ms}
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """One scene, two painters, two counts; the truth is even."""
+    painters = {"dark": Painter(0.9), "bright": Painter(1.3)}
+
+    @contextmanager
+    def both():
+        yield painters
+
+    view = {"ball": (SCENE, CAMERA)}
+    monkeypatch.setattr(chart_cli, "ways", both)
+    monkeypatch.setattr(chart_cli, "chart_scenes", lambda meshes, size_px: view)
+    monkeypatch.setattr(chart_cli, "truth_of", lambda *_arguments: EVEN)
+    monkeypatch.setattr(
+        line_chart,
+        "draw",
+        lambda points, what, own, about, path, theme: path.write_text(
+            f"{what.title} {theme} {own} {about}"
+        ),
+    )
+    monkeypatch.setattr(chart, "COUNTS", (4, 8))
+    monkeypatch.setattr(growth, "COUNTS", {growth.TRIANGLES: (64, 256), growth.PIXELS: (12, 300)})
+    return painters
+
+
+@pytest.fixture
+def map_path(tmp_path):
+    path = tmp_path / "map.exr"
+    write_environment(path, outdoors(8))
+    return path
+
+
+def test_writes_the_charts_and_their_numbers(small, map_path, tmp_path, capsys):
+    output = tmp_path / "charts"
+    chart_render(map_path, output=output)
+    printed = capsys.readouterr().out.splitlines()
+    assert printed == [
+        "no OpenGL, so not in the chart: shadow maps",
+        f"{output}: 12 measurements of 2 ways, 1 scene under 1 map",
+    ]
+    pictures = {
+        f"{name}-{theme}{suffix}"
+        for name in ("render", "growth")
+        for theme in ("light", "dark")
+        for suffix in (".svg", ".png")
+    }
+    others = {"render.csv", "growth.csv", "measurements.json", "growth.json"}
+    assert {path.name for path in output.iterdir()} == pictures | others
+    header, *lines = (output / "render.csv").read_text().splitlines()
+    assert header == "scene,map_name,way,count,lights,ms,setup_ms,rmse,flip"
+    assert [line.split(",")[:4] for line in lines] == [
+        ["ball", "map", way, count] for way in ("dark", "bright") for count in "48"
+    ]
+    assert lines[0].split(",")[7] == "0.1"
+    assert len((output / "growth.csv").read_text().splitlines()) == 1 + 8
+    for name, words in (("render", "error against time"), ("growth", "time of a frame grows")):
+        text = (output / f"{name}-dark.svg").read_text()
+        assert words in text
+        assert "dark ['dark', 'bright'] 1 scene under 1 map, 640×480." in text
+    # All is known: nothing is drawn.
+    drawn = len(small["dark"].frames)
+    chart_render(map_path, output=output, force=True)
+    assert len(small["dark"].frames) == drawn
+    chart_render(map_path, output=output, force=True, fresh=True)
+    assert len(small["dark"].frames) == 2 * drawn
+
+
+@pytest.mark.parametrize("what", [ERROR_CHART, GROWTH_CHART], ids=["render", "growth"])
+def test_every_panel_is_drawn(what, tmp_path):
+    points = chart.points_of([measured(count=count, rmse=1 / count) for count in (4, 16)])
+    points += [Point("a", count, 2.0, {growth.TRIANGLES: 2.0}) for count in (1000, 30_000)]
+    points += [Point("a", count, 2.0, {growth.PIXELS: 2.0}) for count in (20_000, 1_200_000)]
+    line_chart.draw(points, what, ["a"], "some scenes", tmp_path / "chart.svg")
+    text = (tmp_path / "chart.svg").read_text()
+    for panel in what.panels:
+        assert f">{panel.title}</text>" in text
+    assert (">1.2M</text>" in text) == (what is GROWTH_CHART)
+
+
+def test_an_interrupted_run_keeps_what_it_measured(small, map_path, tmp_path, monkeypatch):
+    def interrupted(*_arguments):
+        raise KeyboardInterrupt
+        yield
+
+    monkeypatch.setattr(growth, "measure", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        chart_render(map_path, output=tmp_path / "charts")
+    kept = {path.name for path in (tmp_path / "charts").iterdir()}
+    assert kept == {"measurements.json", "growth.json"}
+    monkeypatch.undo()
+
+
+def test_nothing_is_measured_that_could_not_be_written(small, map_path, tmp_path):
+    output = tmp_path / "charts"
+    output.mkdir()
+    (output / "growth.csv").write_text("mine")
+    with pytest.raises(InputError, match="--force"):
+        chart_render(map_path, output=output)
+    with pytest.raises(InputError, match="is a file"):
+        chart_render(map_path, output=map_path)
+    assert (output / "growth.csv").read_text() == "mine"
+    assert not small["dark"].opened
+
+
+def test_a_map_without_light_is_refused(small, tmp_path):
+    write_environment(tmp_path / "dark.exr", environment(constant(8).radiance * 0))
+    with pytest.raises(InputError, match=r"dark\.exr: there is no light"):
+        chart_render(tmp_path / "dark.exr", output=tmp_path / "charts")
+    assert not (tmp_path / "charts").exists()
