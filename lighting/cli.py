@@ -10,4 +10,5 @@ COMMANDS: tuple[tuple[str, str], ...] = (
     ("lighting.lights_cli:lights", "lights"),
     ("lighting.export_cli:export", "export"),
     ("lighting.chart_cli:chart_lights", "chart lights"),
+    ("lighting.sequence_chart_cli:chart_sequence", "chart sequence"),
 )
