@@ -25,13 +25,22 @@ def respond(
     surface: Floats, x: np.float32, y: np.float32, z: np.float32, radius: np.float32, out: Floats
 ) -> None:  # pragma: no cover - compiled
     """Set `out` (16,) for a block around (x, y, z), for each surface of a packet; 0 for no hit."""
+    at = surface.reshape(-1)  # rows at constant distances: sixteen at once
     for i in range(PACKET):
-        nx, ny, nz = surface[NORMAL, i], surface[NORMAL + 1, i], surface[NORMAL + 2, i]
-        ex, ey, ez = surface[TO_EYE, i], surface[TO_EYE + 1, i], surface[TO_EYE + 2, i]
+        nx, ny, nz = (
+            at[PACKET * NORMAL + i],
+            at[PACKET * (NORMAL + 1) + i],
+            at[PACKET * (NORMAL + 2) + i],
+        )
+        ex, ey, ez = (
+            at[PACKET * TO_EYE + i],
+            at[PACKET * (TO_EYE + 1) + i],
+            at[PACKET * (TO_EYE + 2) + i],
+        )
         n_l = x * nx + y * ny + z * nz
         soft = max(n_l + radius, _0)
         n_l = soft * soft / (np.float32(4) * radius) if n_l < radius else n_l
-        widened = min(surface[ALPHA2, i] + np.float32(0.25) * radius * radius, _1)
+        widened = min(at[PACKET * ALPHA2 + i] + np.float32(0.25) * radius * radius, _1)
         hx, hy, hz = ex + x, ey + y, ez + z
         scale = _1 / np.sqrt(max(hx * hx + hy * hy + hz * hz, np.float32(1e-12)))
         n_v = ex * nx + ey * ny + ez * nz
@@ -42,10 +51,16 @@ def respond(
         mirror = _HALF * widened * n_l / (_PI * spread * spread * (n_l * seen + n_v * lit))
         c = _1 - min(scale * (ex * hx + ey * hy + ez * hz), _1)
         grazing = c * c * c * c * c
-        f0 = _RED * surface[F0, i] + _GREEN * surface[F0 + 1, i] + _BLUE * surface[F0 + 2, i]
-        matt = (
-            _RED * surface[MATT, i] + _GREEN * surface[MATT + 1, i] + _BLUE * surface[MATT + 2, i]
+        f0 = (
+            _RED * at[PACKET * F0 + i]
+            + _GREEN * at[PACKET * (F0 + 1) + i]
+            + _BLUE * at[PACKET * (F0 + 2) + i]
         )
-        fresnel = f0 + (surface[F90, i] - f0) * grazing
+        matt = (
+            _RED * at[PACKET * MATT + i]
+            + _GREEN * at[PACKET * (MATT + 1) + i]
+            + _BLUE * at[PACKET * (MATT + 2) + i]
+        )
+        fresnel = f0 + (at[PACKET * F90 + i] - f0) * grazing
         value = (_1 - fresnel) * matt * n_l + fresnel * mirror
-        out[i] = value if surface[HIT, i] > _0 else _0
+        out[i] = value if at[PACKET * HIT + i] > _0 else _0

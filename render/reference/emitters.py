@@ -95,7 +95,7 @@ def emitters_of(light: EnvironmentMap | LightSet, *, above_horizon: bool) -> Emi
     source = np.flatnonzero(power)
     column, row = np.rint(direction_to_grid(centres, height)).astype(np.int64).T
     rows, columns = np.divmod(np.arange(2 * height**2), 2 * height)
-    along = _along_hilbert(np.concatenate([rows, row]), np.concatenate([columns, column]), height)
+    along = along_hilbert(np.concatenate([rows, row]), np.concatenate([columns, column]), height)
     source = source[np.argsort(along[source], kind="stable")]
     cumulative = np.cumsum(power[source])
     whole = cumulative[-1] if len(source) else 1.0
@@ -172,7 +172,7 @@ def _in_discs(centres: Array, chord2: Array, u: Array, v: Array) -> Array:
     )
 
 
-def _along_hilbert(
+def along_hilbert(
     row: NDArray[np.int64], column: NDArray[np.int64], height: int
 ) -> NDArray[np.int64]:
     """Return the places of cells of an N × 2N grid along a Hilbert curve."""
