@@ -119,6 +119,7 @@ def live(
     check_map_height(height)
     if not 0 <= port <= 65535:
         raise InputError(f"--port {port}: wanted 0 to 65535")
+    _check_folder(output)
     if rate is not None and not 0 < rate <= 1000:
         raise InputError(f"--rate {rate:g}: wanted more than 0, and at most 1000")
     if mains_hz not in (None, 0.0, 50.0, 60.0):
@@ -188,6 +189,14 @@ def _run_beside(
 
 def _say(text: str) -> None:
     print(f"fishlight: {text}", file=sys.stderr, flush=True)
+
+
+def _check_folder(output: Path) -> None:
+    """Raise InputError unless results can be saved there when they are asked for."""
+    if output.exists() and not output.is_dir():
+        raise InputError(f"{output} is a file; name a folder")
+    if not output.absolute().parent.is_dir():
+        raise InputError(f"{output.parent} is not a folder; {output.name} cannot be made there")
 
 
 def _one_for_each(calibrations: Sequence[Path], count: int) -> Sequence[Path | None]:

@@ -31,6 +31,8 @@ COMMANDS = {
     "lights": "lights none.exr",
     "export": "export none.json",
     "render": "render --lights none.json",
+    "live": "live none --port 0 --headless",
+    "follow": "follow http://127.0.0.1:1/?token=none",
 }
 SUFFIXES = {
     "merge": ".exr",
@@ -43,7 +45,7 @@ SUFFIXES = {
     "inspect": ".png",
     "report": ".html",
 }
-FOLDERS = ("import", "simulate")
+FOLDERS = ("import", "simulate", "live")
 
 
 def tokens(command, place):

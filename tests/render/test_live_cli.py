@@ -40,6 +40,7 @@ def test_a_recording_played_once_is_accounted_for(tmp_path, capsys):
         (["--host", "203.0.113.7"], "--host 203.0.113.7"),
         (["--mesh", "nothing.obj"], "nothing.obj"),
         (["--calibration", "nothing.json"], "nothing.json"),
+        (["-o", __file__], "is a file; name a folder"),
         (["other"], "are for --blend"),
         (["--place", "0,0,0"], "are for --blend"),
         (["other", "--blend", "--place", "0,0,0"], "--place x,y,z for each, got 2 and 1"),
