@@ -7,5 +7,6 @@ COMMANDS: tuple[tuple[str, str], ...] = (
     ("render.live_cli:live", "live"),
     ("render.follow_cli:follow_command", "follow"),
     ("render.chart_cli:chart_render", "chart render"),
+    ("render.estimators_chart_cli:chart_estimators", "chart estimators"),
     ("render.doctor_cli:doctor", "doctor"),
 )

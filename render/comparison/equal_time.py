@@ -1,0 +1,62 @@
+"""Pictures of every estimator after the same time: what the gallery shows.
+
+Input  : cases.    Output : pictures and what they err by.
+Cost   : the time that is given, for each estimator and case.
+Fails  : a busy machine gives some of them less.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from render.comparison.convergence import REFERENCE
+from render.estimators.passes import estimate_picture
+from render.measures.chart import Case
+from render.measures.picture_errors import relative_rmse
+from render.reference.tracing import ReferencePicture, render_reference
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A picture of one estimator.
+
+    Attributes
+    ----------
+    radiance : (H, W, 4) float32
+    rmse : float
+        Relative, against the truth.
+    told : float
+        What the picture itself says that it errs by: the relative error of its passes.
+    passes, rays : int
+    """
+
+    estimator: str
+    radiance: NDArray[np.float32]
+    rmse: float
+    told: float
+    passes: int
+    rays: int
+
+
+def pictures(case: Case, names: Sequence[str], seconds: float) -> Iterator[Shown]:
+    """Yield what each estimator makes of a case within the time, but at least four passes."""
+    for name in names:
+        _drawn(case, name, 0.0)  # compiles
+        picture = _drawn(case, name, seconds)
+        yield Shown(
+            name,
+            picture.radiance,
+            relative_rmse(picture.radiance, case.truth()),
+            picture.relative_error,
+            picture.passes,
+            picture.shadow_rays,
+        )
+
+
+def _drawn(case: Case, name: str, seconds: float) -> ReferencePicture:
+    view = case.scene, case.camera, case.environment
+    if name == REFERENCE:
+        return render_reference(*view, error=0.0, seconds=seconds)
+    return estimate_picture(name, *view, error=0.0, seconds=seconds)
