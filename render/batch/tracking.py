@@ -19,6 +19,7 @@ Fails  : the scheduler must live; where it does not, what is done is on disk, an
          started again.
 """
 
+import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -48,7 +49,7 @@ _RUNS_PER_THREAD = 3
 """Runs in flight: one being prepared, one whose lights are found, one that waits for its turn."""
 _LIGHT_FIRST, _PREVIEW_NEXT = 2, 1
 _LOOK_S = 2.0
-"""How often to look for workers that are gone, when nothing else happens."""
+"""How often to look which workers are there."""
 _MOST_LOSSES = 2
 """Workers that may be lost with a run, beside those that its frames are known to have ended."""
 _DEPTH = 4
@@ -138,6 +139,9 @@ class Tracker:
         self._in_flight: dict[_RunInFlight, None] = {}
         self._lost: deque[_RunInFlight] = deque()
         self._done: SimpleQueue[tuple[_RunInFlight, Future[Any]]] = SimpleQueue()
+        self._threads: dict[str, int] = {}
+        self._looked_s = 0.0
+        self._busy: Counter[str] = Counter()
         self._name = f"fishlight-{uuid4().hex[:8]}"
         self._numbers = count()
 
@@ -150,6 +154,7 @@ class Tracker:
             If the scheduler is lost.
         """
         while True:
+            self._look()
             self._deal_out(sequences)
             if not self._in_flight:
                 return
@@ -158,21 +163,26 @@ class Tracker:
                 if future.key == run.awaited:
                     self._go_on(run, future)
 
+    def _look(self) -> None:
+        """Find out from time to time which workers there are, and which runs were with others."""
+        if self._threads and time.monotonic() - self._looked_s < _LOOK_S:
+            return
+        self._threads = self._client.nthreads()
+        while not self._threads and not self._in_flight:
+            self._client.wait_for_workers(1)
+            self._threads = self._client.nthreads()
+        self._looked_s = time.monotonic()
+        for run in list(self._in_flight):
+            if run.worker and run.worker not in self._threads:
+                self._lose(run, FishlightError(f"worker after worker is lost, last {run.worker}"))
+
     def _deal_out(self, sequences: Iterator[FrameSequence]) -> None:
         """Give each thread of each worker a run to prepare, as long as there are any."""
-        threads = self._client.nthreads()
-        while not threads and not self._in_flight:
-            self._client.wait_for_workers(1)
-            threads = self._client.nthreads()
-        for run in [run for run in self._in_flight if run.worker and run.worker not in threads]:
-            self._lose(run, FishlightError(f"worker after worker is lost, last {run.worker}"))
-        busy = Counter(run.worker for run in self._in_flight if not run.is_prepared)
-        most = _RUNS_PER_THREAD * sum(threads.values())
-        for worker, thread_count in threads.items():
-            while busy[worker] < thread_count and (self._lost or len(self._in_flight) < most):
+        most = _RUNS_PER_THREAD * sum(self._threads.values())
+        for worker, thread_count in self._threads.items():
+            while self._busy[worker] < thread_count and (self._lost or len(self._in_flight) < most):
                 if not self._start_run(worker, sequences):
                     return
-                busy[worker] += 1
 
     def _lose(self, run: _RunInFlight, error: BaseException) -> None:
         """Have a run dealt out again, from its beginning."""
@@ -180,9 +190,15 @@ class Tracker:
         if run.losses > MOST_ATTEMPTS * len(run.run) + _MOST_LOSSES:
             self._fail(run, error)
             return
+        self._let_go(run)
         run.worker = run.awaited = ""
         run.is_prepared, run.prepared, run.lit = False, None, None
         self._lost.append(run)
+
+    def _let_go(self, run: _RunInFlight) -> None:
+        """Let another run have the worker's thread that this one has, if it has one."""
+        if run.worker and not run.is_prepared:
+            self._busy[run.worker] -= 1
 
     def _start_run(self, worker: str, sequences: Iterator[FrameSequence]) -> bool:
         if self._lost:
@@ -212,6 +228,7 @@ class Tracker:
 
     def _prepare(self, run: _RunInFlight, worker: str) -> None:
         run.worker = worker
+        self._busy[worker] += 1
         step, job = self._steps.prepare, run.queue.sequence.job
         run.prepared = self._submit(run, _prepare, step, job, run.run, workers=[worker])
 
@@ -246,6 +263,7 @@ class Tracker:
         elif error is not None:
             self._fail(run, error)
         elif future == run.prepared:
+            self._let_go(run)
             run.is_prepared = True
             if run.follows is not None or run is run.queue.runs[0]:
                 self._light(run)
@@ -284,7 +302,8 @@ class Tracker:
         """Give up a run, and with it those after it, whose lights would have followed."""
         queue = run.queue
         for given_up in {run, *queue.runs}:
-            given_up.awaited = ""
+            self._let_go(given_up)
+            given_up.awaited = given_up.worker = ""
             self._in_flight.pop(given_up, None)
             if given_up in self._lost:
                 self._lost.remove(given_up)

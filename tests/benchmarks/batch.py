@@ -1,0 +1,156 @@
+"""Many frames by several processes, and what dealing them out costs.
+
+Brackets of 3 JPEGs of 512² px become maps of 1024×512 and 64 lights, both written. Peer: the same
+stages one after the other in this process with one thread, as a worker has; and with all of this
+machine's. `ms` is per frame from the first to the last, without starting the processes.
+
+Runs that take no time at all show what dealing them out costs the client, the scheduler and the
+workers: milliseconds of their CPU time per frame.
+
+`FISHLIGHT_BATCH_FRAMES=1000 python -m tests.benchmarks.bench batch` takes as many brackets as that;
+few of them are simulated, and seen again and again.
+"""
+
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numba
+import numpy as np
+
+from calibration.camera import UP, Calibration
+from calibration.files import read_calibration, write_calibration
+from calibration.models.equidistant import Equidistant
+from capture.manifest import read_manifest, write_manifest
+from capture.merge import merge_bracket
+from capture.picture_memory import PictureMemory
+from capture.recording import open_recording
+from lighting.blocks.source_blocks import apply_source_blocks, build_source_blocks
+from lighting.light_files import write_lights
+from lighting.maps.environment_files import write_environment
+from lighting.maps.remap import apply_remap, build_remap
+from lighting.simulation.scenario import scenario
+from lighting.simulation.simulate import simulate_recording
+from lighting.stream.light_stream import LightPlan, next_lights
+from render.batch.batch import run_batch
+from render.batch.runs import Settings
+from tests.benchmarks.million_frames import simulate_batch
+from tests.environments import outdoors
+
+SIZE = 512
+FRAMES = int(os.environ.get("FISHLIGHT_BATCH_FRAMES", "96"))
+SIMULATED = 16
+SETTINGS = Settings(("remap", "lights"), LightPlan(64), 512)
+CASE = f"{FRAMES} × 3 JPEG of {SIZE}² → 1024×512 → 64 lights"
+CAMERA = Calibration(Equidistant(((SIZE - 1) / 2,) * 2, SIZE / np.pi), (SIZE,) * 2, np.pi / 2, UP)
+
+
+def run(_repeats: int) -> list[dict[str, Any]]:
+    """Return a row for each number of workers and peer, and for dealing out."""
+    cores = len(os.sched_getaffinity(0))
+    with tempfile.TemporaryDirectory() as folder:
+        recording = record_again_and_again(Path(folder), FRAMES)
+        output = Path(folder) / "out"
+        ms: dict[str, float] = {}
+        for threads in dict.fromkeys((1, cores)):
+            name = f"one after the other, {threads} {'thread' if threads == 1 else 'threads'}"
+            ms[name] = _timed_replay(recording, output, threads)
+        for workers in dict.fromkeys((1, 2, cores)):
+            name = f"batch, {workers} {'worker' if workers == 1 else 'workers'}"
+            ms[name] = _timed_batch(recording, output, workers)
+    sequential_ms = ms["one after the other, 1 thread"]
+    rows = [
+        {
+            "stage": "batch",
+            "case": CASE,
+            "system": name,
+            "ms": frame_ms,
+            "accuracy": {"× one after the other": sequential_ms / frame_ms},
+        }
+        for name, frame_ms in ms.items()
+    ]
+    simulated = simulate_batch(frames=16_000, recordings=10, slots=64, sleep_s=0.0)
+    rows.append(
+        {
+            "stage": "batch",
+            "case": "dealing out frames that take no time",
+            "system": "batch",
+            "ms": 1e3 * simulated.cpu_s / simulated.frames,
+            "accuracy": {},
+        }
+    )
+    return rows
+
+
+def record_again_and_again(folder: Path, frames: int) -> Path:
+    """Return a recording of so many brackets, all of a few that were simulated."""
+    calibration_path = folder / "calibration.json"
+    write_calibration(calibration_path, CAMERA)
+    simulated = min(SIMULATED, frames)
+    moments = scenario([outdoors(256)], bracket_count=simulated, rate_hz=2, yaw_rad_per_s=0.2)
+    path = folder / "recording"
+    simulate_recording(
+        path,
+        moments,
+        calibration_path,
+        exposures_s=(1 / 4000, 1 / 250, 1 / 16),
+        source="simulated for the benchmark",
+    )
+    manifest = read_manifest(path)
+    length = len(manifest.frames) // simulated
+    records = [
+        msgspec.structs.replace(
+            manifest.frames[index % (simulated * length)],
+            index=index,
+            bracket=index // length,
+            timestamp_s=index / (2 * length),
+        )
+        for index in range(frames * length)
+    ]
+    write_manifest(path, msgspec.structs.replace(manifest, frames=tuple(records)))
+    return path
+
+
+def _timed_replay(recording_path: Path, output: Path, threads: int) -> float:
+    """Return milliseconds a frame of the stages in this process."""
+    recording = open_recording(recording_path)
+    assert recording.calibration_path is not None
+    calibration = read_calibration(recording.calibration_path)
+    remap = build_remap(calibration, SETTINGS.map_height)
+    blocks = build_source_blocks(calibration, SETTINGS.plan.block_rows)
+    picture_memory, memory = PictureMemory(), None
+    shutil.rmtree(output, ignore_errors=True)
+    output.mkdir()
+    most = numba.get_num_threads()
+    numba.set_num_threads(threads)
+    start_s = 0.0
+    for position in range(-1, FRAMES):
+        if position == 0:
+            start_s = time.perf_counter()
+        bracket = recording.read_bracket(max(position, 0))
+        image = merge_bracket(bracket, recording.sensor, picture_memory)
+        environment = apply_remap(remap, image)
+        view = apply_source_blocks(blocks, image)
+        lights, memory = next_lights(
+            view, SETTINGS.plan, memory, timestamp_s=bracket.timestamp_s, source="a frame"
+        )
+        write_environment(output / f"{position}.exr", environment)
+        write_lights(output / f"{position}.json", lights, force=True)
+    numba.set_num_threads(most)
+    return 1e3 * (time.perf_counter() - start_s) / FRAMES
+
+
+def _timed_batch(recording: Path, output: Path, workers: int) -> float:
+    """Return milliseconds a frame between the end of each worker's first run and the last."""
+    shutil.rmtree(output, ignore_errors=True)
+    done: list[tuple[float, int]] = []
+    note: Callable[[int, bool], None] = lambda count, _: done.append((time.perf_counter(), count))  # noqa: E731
+    summary = run_batch([recording], output, SETTINGS, worker_count=workers, on_frames=note)
+    assert summary.made == FRAMES, summary
+    warm = done[workers - 1 :]
+    return 1e3 * (warm[-1][0] - warm[0][0]) / sum(count for _, count in warm[1:])
