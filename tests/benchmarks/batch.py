@@ -2,7 +2,8 @@
 
 Brackets of 3 JPEGs of 512² px become maps of 1024×512 and 64 lights, both written. Peer: the same
 stages one after the other in this process with one thread, as a worker has; and with all of this
-machine's. `ms` is per frame from the first to the last, without starting the processes.
+machine's. Times are per frame from the first run to the last, without starting the processes; CPU
+time is that of all processes, and tells on a busy machine what `ms` would be on an idle one.
 
 Runs that take no time at all show what dealing them out costs the client, the scheduler and the
 workers: milliseconds of their CPU time per frame.
@@ -15,13 +16,13 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numba
 import numpy as np
+from distributed import Client, LocalCluster
 
 from calibration.camera import UP, Calibration
 from calibration.files import read_calibration, write_calibration
@@ -50,29 +51,37 @@ CASE = f"{FRAMES} × 3 JPEG of {SIZE}² → 1024×512 → 64 lights"
 CAMERA = Calibration(Equidistant(((SIZE - 1) / 2,) * 2, SIZE / np.pi), (SIZE,) * 2, np.pi / 2, UP)
 
 
+class _Times(NamedTuple):
+    """Of a frame."""
+
+    wall_ms: float
+    cpu_ms: float
+
+
 def run(_repeats: int) -> list[dict[str, Any]]:
     """Return a row for each number of workers and peer, and for dealing out."""
     cores = len(os.sched_getaffinity(0))
     with tempfile.TemporaryDirectory() as folder:
         recording = record_again_and_again(Path(folder), FRAMES)
         output = Path(folder) / "out"
-        ms: dict[str, float] = {}
+        times: dict[str, _Times] = {}
         for threads in dict.fromkeys((1, cores)):
             name = f"one after the other, {threads} {'thread' if threads == 1 else 'threads'}"
-            ms[name] = _timed_replay(recording, output, threads)
+            times[name] = _timed_replay(recording, output, threads)
         for workers in dict.fromkeys((1, 2, cores)):
             name = f"batch, {workers} {'worker' if workers == 1 else 'workers'}"
-            ms[name] = _timed_batch(recording, output, workers)
-    sequential_ms = ms["one after the other, 1 thread"]
+            times[name] = _timed_batch(recording, output, workers)
+    sequential = times["one after the other, 1 thread"]
     rows = [
         {
             "stage": "batch",
             "case": CASE,
             "system": name,
-            "ms": frame_ms,
-            "accuracy": {"× one after the other": sequential_ms / frame_ms},
+            "ms": found.wall_ms,
+            "ratio": sequential.wall_ms / found.wall_ms,
+            "accuracy": {"ms of CPU": found.cpu_ms},
         }
-        for name, frame_ms in ms.items()
+        for name, found in times.items()
     ]
     simulated = simulate_batch(frames=16_000, recordings=10, slots=64, sleep_s=0.0)
     rows.append(
@@ -103,20 +112,25 @@ def record_again_and_again(folder: Path, frames: int) -> Path:
     )
     manifest = read_manifest(path)
     length = len(manifest.frames) // simulated
-    records = [
-        msgspec.structs.replace(
-            manifest.frames[index % (simulated * length)],
-            index=index,
-            bracket=index // length,
-            timestamp_s=index / (2 * length),
+    records = []
+    for index in range(frames * length):
+        again = manifest.frames[index % (simulated * length)]
+        name = f"frames/again-{index:06d}.jpg"
+        os.link(path / again.file, path / name)
+        records.append(
+            msgspec.structs.replace(
+                again,
+                file=name,
+                index=index,
+                bracket=index // length,
+                timestamp_s=index / (2 * length),
+            )
         )
-        for index in range(frames * length)
-    ]
     write_manifest(path, msgspec.structs.replace(manifest, frames=tuple(records)))
     return path
 
 
-def _timed_replay(recording_path: Path, output: Path, threads: int) -> float:
+def _timed_replay(recording_path: Path, output: Path, threads: int) -> _Times:
     """Return milliseconds a frame of the stages in this process."""
     recording = open_recording(recording_path)
     assert recording.calibration_path is not None
@@ -128,10 +142,10 @@ def _timed_replay(recording_path: Path, output: Path, threads: int) -> float:
     output.mkdir()
     most = numba.get_num_threads()
     numba.set_num_threads(threads)
-    start_s = 0.0
+    start_s = start_cpu_s = 0.0
     for position in range(-1, FRAMES):
         if position == 0:
-            start_s = time.perf_counter()
+            start_s, start_cpu_s = time.perf_counter(), time.process_time()
         bracket = recording.read_bracket(max(position, 0))
         image = merge_bracket(bracket, recording.sensor, picture_memory)
         environment = apply_remap(remap, image)
@@ -142,15 +156,37 @@ def _timed_replay(recording_path: Path, output: Path, threads: int) -> float:
         write_environment(output / f"{position}.exr", environment)
         write_lights(output / f"{position}.json", lights, force=True)
     numba.set_num_threads(most)
-    return 1e3 * (time.perf_counter() - start_s) / FRAMES
+    return _Times(
+        1e3 * (time.perf_counter() - start_s) / FRAMES,
+        1e3 * (time.process_time() - start_cpu_s) / FRAMES,
+    )
 
 
-def _timed_batch(recording: Path, output: Path, workers: int) -> float:
-    """Return milliseconds a frame between the end of each worker's first run and the last."""
+def _timed_batch(recording: Path, output: Path, workers: int) -> _Times:
+    """Return milliseconds a frame, from when each worker had its first run done."""
     shutil.rmtree(output, ignore_errors=True)
-    done: list[tuple[float, int]] = []
-    note: Callable[[int, bool], None] = lambda count, _: done.append((time.perf_counter(), count))  # noqa: E731
-    summary = run_batch([recording], output, SETTINGS, worker_count=workers, on_frames=note)
-    assert summary.made == FRAMES, summary
-    warm = done[workers - 1 :]
-    return 1e3 * (warm[-1][0] - warm[0][0]) / sum(count for _, count in warm[1:])
+    done: list[tuple[int, float, float]] = []
+    with (
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=max(1, len(os.sched_getaffinity(0)) // workers),
+            dashboard_address="127.0.0.1:0",
+        ) as cluster,
+        Client(cluster, set_as_default=False) as client,
+    ):
+
+        def note(count: int, _is_kept: bool) -> None:
+            cpu_s = time.process_time() + sum(client.run(time.process_time).values())
+            done.append((count, time.perf_counter(), cpu_s))
+
+        summary = run_batch(
+            [recording], output, SETTINGS, scheduler=cluster.scheduler_address, on_frames=note
+        )
+    if summary.made != FRAMES:
+        raise AssertionError(summary)
+    counts, wall_s, cpu_s = (np.array(each) for each in zip(*done[workers - 1 :], strict=True))
+    frames = int(counts[1:].sum())
+    return _Times(
+        float(1e3 * (wall_s[-1] - wall_s[0]) / frames),
+        float(1e3 * (cpu_s[-1] - cpu_s[0]) / frames),
+    )
