@@ -2,6 +2,7 @@
 
 import math
 import time
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
@@ -16,6 +17,8 @@ from lighting.light_files import read_lights
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import read_environment
+from render.estimators.passes import estimate_picture
+from render.estimators.registry import UNBIASED
 from render.output.pictures import write_picture
 from render.rays.background import look_up, map_coordinates, picture_rays
 from render.reference.accumulation import Progress, nothing_yet
@@ -54,10 +57,11 @@ def trace_picture(
     scene: Scene,
     camera: Camera,
     light: LightSet | EnvironmentMap,
+    estimator: str | None,
     error: float | None,
     seconds: float | None,
 ) -> ReferencePicture:
-    """Return the reference picture, and show how far it is.
+    """Return the reference picture, or that of an estimator, and show how far it is.
 
     What it has so far is kept beside the output: a picture that was interrupted goes on. Call
     `drop_checkpoint` once the output is written.
@@ -65,7 +69,8 @@ def trace_picture(
     Raises
     ------
     InputError
-        If the error or the time is not positive, or nothing can be written beside the output.
+        If the error or the time is not positive, there is no such estimator, or nothing can be
+        written beside the output.
     """
     for flag, limit in (("--error", error), ("--seconds", seconds)):
         if limit is not None and not 0 < limit < math.inf:
@@ -74,7 +79,7 @@ def trace_picture(
         error = DEFAULT_ERROR if seconds is None else 0.0
     limit_s = math.inf if seconds is None else seconds
     place = checkpoint_of(output)
-    digest = digest_of(version("fishlight"), scene, camera, light)
+    digest = digest_of(version("fishlight"), scene, camera, light, estimator)
     known = read_checkpoint(place, digest)
     if known is None:
         known = nothing_yet(camera.size_px)
@@ -93,10 +98,18 @@ def trace_picture(
             about = f"pass {now.passes}, error {now.relative_error:.2%}"
             bar.update(shown, completed=done, description=about)
 
-        return render_reference(
+        render = render_reference if estimator is None else partial(estimate_picture, estimator)
+        return render(
             scene, camera, light, error=error, seconds=limit_s, progress=known,
             on_pass=keep_and_show,
         )  # fmt: skip
+
+
+def remark_on(estimator: str | None) -> str:
+    """Return what to say of an estimator whose passes all err alike, "" of any other."""
+    if estimator is None or estimator in UNBIASED:
+        return ""
+    return " of its noise (what its lights leave out is not told)"
 
 
 def drop_checkpoint(output: Path) -> None:

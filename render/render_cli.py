@@ -25,6 +25,7 @@ from render.reference_cli import (
     drop_checkpoint,
     put_in_front,
     read_light,
+    remark_on,
     trace_picture,
     write_reference,
 )
@@ -44,6 +45,7 @@ def render(
     background: Path | None = None,
     exposure_ev: str = "auto",
     reference: bool = False,
+    estimator: str | None = None,
     environment: Annotated[Path | None, Parameter(name="--map")] = None,
     error: float | None = None,
     seconds: float | None = None,
@@ -75,6 +77,9 @@ def render(
         Stops by which a PNG is made brighter; auto puts the scene's log-mean at middle grey.
     reference
         Trace rays.
+    estimator
+        Draw directions as this estimator does, "brdf" or "mis-balance" for instance, in place of
+        the way that was found to be best; a name that is none has all of them listed.
     environment
         Lat-long map, .exr or .hdr, whose light to trace: all of it, in place of --lights.
     error
@@ -105,15 +110,20 @@ def render(
     if reference:
         light, about = read_light(lights, environment)
         scene, camera = scene_to_render(mesh, size_px)
-        traced = trace_picture(output, scene, camera, light, error, seconds)
+        traced = trace_picture(output, scene, camera, light, estimator, error, seconds)
         if behind is not None:
             put_in_front(traced, behind, camera)
         ev = auto_exposure_ev(traced.radiance) if fixed_ev is None else fixed_ev
         write_reference(output, traced, ev, force=force)
         drop_checkpoint(output)
         about += f", passes {traced.passes}, error {traced.relative_error:.2%}"
-    elif lights is None or any(each is not None for each in (environment, error, seconds)):
-        raise InputError("give --lights; --map, --error and --seconds are for --reference")
+        about += remark_on(estimator)
+    elif lights is None or any(
+        each is not None for each in (environment, estimator, error, seconds)
+    ):
+        raise InputError(
+            "give --lights; --map, --estimator, --error and --seconds are for --reference"
+        )
     else:
         light_set = read_lights(lights)
         about = f"lights {len(light_set)}"

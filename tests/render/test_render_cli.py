@@ -13,6 +13,7 @@ from capture.sensor import srgb_encode
 from lighting.light_files import write_lights
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import write_environment
+from lighting.simulation.outdoors import outdoors
 from render.opengl import context
 from render.opengl.context import GlUnavailable
 from render.render_cli import parse_exposure, render
@@ -94,10 +95,29 @@ def test_a_reference_picture_to_look_at_under_lights(tmp_path, lights):
     assert 60 < np.median(read_picture(output)) < 180
 
 
+def test_a_picture_by_an_estimator_agrees_with_the_reference(tmp_path, capsys):
+    write_environment(tmp_path / "map.exr", outdoors(8))
+    arguments = {"reference": True, "environment": tmp_path / "map.exr", "size": "16x12"}
+    pictures = {}
+    for name in (None, "mis-balance", "lights-cells"):
+        output = tmp_path / f"{name}.exr"
+        render(output=output, estimator=name, error=0.1, **arguments)
+        pictures[name] = read_exr(output).channels
+        told = "of its noise (what its lights leave out" in capsys.readouterr().out
+        assert told == (name == "lights-cells")
+    for colour in "RGB":
+        means = [pictures[name][colour].mean() for name in (None, "mis-balance")]
+        assert means[1] == pytest.approx(means[0], rel=0.05)
+        assert (pictures["mis-balance"][colour] != pictures[None][colour]).any()
+    with pytest.raises(InputError, match=r"no estimator is called 'best'; there are: cosine, brdf"):
+        render(output=tmp_path / "s.exr", estimator="best", **arguments)
+
+
 @pytest.mark.parametrize(
     ("flags", "message"),
     [
         ({}, "give --lights"),
+        ({"lights": "l.json", "estimator": "brdf"}, "are for --reference"),
         ({"lights": "l.json", "error": 0.1}, "are for --reference"),
         ({"reference": True}, "either --lights or --map"),
         ({"reference": True, "lights": "l.json", "environment": "m.exr"}, "either"),
