@@ -15,7 +15,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from enum import Enum
 
 from capture.errors import UnreadableFrame
@@ -57,6 +57,12 @@ class Counters:
     merged: int = 0
     rendered: int = 0
     failed: int = 0
+
+    def __add__(self, other: "Counters") -> "Counters":
+        """Return what two sessions counted together."""
+        return Counters(
+            *(one + another for one, another in zip(astuple(self), astuple(other), strict=True))
+        )
 
 
 @dataclass

@@ -117,10 +117,7 @@ class Blend:
                     part.stop.set()
         self._look()
         pass_on_notices(self._parts, self._desk)
-        total = Counters()
-        for future in running:
-            for name, count in vars(future.result()).items():
-                setattr(total, name, getattr(total, name) + count)
+        total = sum((future.result() for future in running), Counters())
         self._publish(State("ended", "The session has ended."))
         return total
 

@@ -79,11 +79,14 @@ class Stop:
 
 
 class Missing(FishlightError):
-    """What a session lacks, and the state that says so."""
+    """What a session lacks, the state that says so, and what was counted until then."""
 
-    def __init__(self, name: StateName, error: FishlightError) -> None:
+    def __init__(
+        self, name: StateName, error: FishlightError, counters: Counters | None = None
+    ) -> None:
         super().__init__(str(error))
         self.name = name
+        self.counters = counters or Counters()
 
 
 def run_live(
@@ -115,19 +118,20 @@ def run_live(
         If something is missing and `is_patient` is not set.
     """
     desk.publish(State("starting", f"Opening {request.camera.device}."), *desk.last_seen(), {})
-    told = ""
+    told, total = "", Counters()
     while True:
         try:
-            return _run_once(request, desk, picture, stop, say)
+            return total + _run_once(request, desk, picture, stop, say)
         except Missing as missing:
             if not is_patient:
                 raise
+            total += missing.counters
             desk.publish(State(missing.name, str(missing)), *desk.last_seen(), {})
             if str(missing) != told:
                 told = str(missing)
                 say(f"{told}; looking for it until it is there")
             if stop.wait(RETRY_S):
-                return Counters()
+                return total
 
 
 def _run_once(
@@ -161,7 +165,7 @@ def _run_once(
             try:
                 return session.run()
             except (CameraLost, CameraStalled) as error:
-                raise Missing("no-camera", error) from error
+                raise Missing("no-camera", error, session.counters) from error
 
 
 def _calibration_path(request: LiveRequest, source: Source) -> Path:

@@ -70,6 +70,11 @@ class LiveSession:
         None draws nothing.
     work : callable
         Told of each bracket and what was seen of it, for recordings and snapshots.
+
+    Attributes
+    ----------
+    counters : Counters
+        So far, whatever ends the session.
     """
 
     def __init__(
@@ -99,7 +104,7 @@ class LiveSession:
         self._seen_s = time.monotonic() - age_s
         self._published_s: deque[float] = deque(maxlen=_FRAMES)
         self._clock = StageClock(deque(maxlen=_FRAMES))
-        self._counters = Counters()
+        self.counters = Counters()
         self._exposures_s = desk.settings.exposures_s
         self._is_seen_px = seen_pixels(calibration)
 
@@ -112,7 +117,7 @@ class LiveSession:
             on_failure=self._on_failure,
             clock=self._clock,
         )
-        self._counters = counters
+        self.counters = counters
         self.publish(State("ended", "The session has ended."))
         return counters
 
@@ -126,7 +131,7 @@ class LiveSession:
             self.publish(State("away", str(error)))
 
     def _process(self, bracket: Bracket, clock: StageClock, counters: Counters) -> None:
-        self._counters = counters
+        self.counters = counters
         settings = self._desk.settings
         self._expose(settings.exposures_s)
         held = self._held if settings.is_frozen else None
@@ -237,7 +242,7 @@ class LiveSession:
         times_ms = dict(frames[-1]) if frames else {}
         begun_s = self._published_s
         elapsed_s = begun_s[-1] - begun_s[0] if len(begun_s) > 1 else 0.0
-        counters = self._counters
+        counters = self.counters
         return {
             "counters": vars(counters).copy(),
             "times_ms": {name: round(ms, 2) for name, ms in times_ms.items()},

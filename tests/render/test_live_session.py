@@ -12,7 +12,7 @@ from calibration.files import read_calibration
 from capture.errors import CameraLost, UnreadableFrame
 from capture.frame import Bracket
 from capture.live_source import LiveSource
-from capture.recording import open_recording
+from capture.recording import Recording, open_recording
 from capture.reopening import CameraAway
 from capture.v4l2.camera import CameraRequest
 from lighting.light_files import read_lights
@@ -411,6 +411,24 @@ def test_what_was_seen_last_ages_while_the_camera_is_looked_for(tmp_path, monkey
     assert "nothing" in said[0]
     assert ages_s == sorted(ages_s)
     assert ages_s[-1] >= 0.02
+
+
+def test_what_was_counted_before_a_camera_was_lost_is_not_forgotten(recording, monkeypatch):
+    """It is lost in its fourth bracket, and found again."""
+    desk, numbers = Desk(Settings(count=5), MODELS), iter(range(1000))
+    monkeypatch.setattr(running, "RETRY_S", 0.01)
+    read = Recording.read_bracket
+
+    def lost_once(self, position):
+        if next(numbers) == 3:
+            raise CameraLost("unplugged")
+        return read(self, position)
+
+    monkeypatch.setattr(Recording, "read_bracket", lost_once)
+    longer = make_recording(recording.folder.parent / "longer", brackets=5)
+    counters = run_live(live_request(longer.folder), desk, None, Stop(), is_patient=True)
+    assert counters.captured == 3 + 5
+    assert counters.captured - 1 <= counters.replaced + counters.rendered <= counters.captured
 
 
 def test_a_lost_camera_ends_the_session_with_its_error(recording):
