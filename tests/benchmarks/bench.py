@@ -33,6 +33,7 @@ STAGES = (
     "photometry",
     "render",
     "loop",
+    "viewers",
     "batch",
     "reference",
 )
