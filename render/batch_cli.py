@@ -68,7 +68,7 @@ def batch(
         Calibration to use instead of the recordings' own.
     """
     # Here, so that no other command waits for dask.
-    from render.batch.batch import frame_count, run_batch
+    from render.batch.batch import frame_count, make_output, run_batch
 
     if not recordings:
         raise InputError("nothing to do: name recordings, folders with a manifest.json")
@@ -76,6 +76,7 @@ def batch(
     most, error = most_lights(count, error, method)
     named = tuple(name.strip() for name in stages.split(","))
     settings = Settings(named, LightPlan(most, method, error, is_steady=steady), height)
+    make_output(output)
     start_s = time.monotonic()
     with _progress(frame_count(recordings)) as on_frames:
         summary = run_batch(

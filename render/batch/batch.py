@@ -117,10 +117,7 @@ def run_batch(
     InputError
         If the output cannot be used, the index not be written, or no scheduler answers.
     """
-    if output.exists() and not output.is_dir():
-        raise InputError(f"{output} is a file; the results need a folder")
-    output.mkdir(parents=True, exist_ok=True)
-    check_place(output / INDEX_NAME, force=True)
+    make_output(output)
     summary = BatchSummary()
     with SequenceTable(output / INDEX_NAME) as table:
 
@@ -160,6 +157,17 @@ def run_batch(
     except InputError as error:
         summary.stop(str(error))
     return summary
+
+
+def make_output(output: Path) -> None:
+    """Make the folder for the results; InputError if nothing can be written there."""
+    if output.exists() and not output.is_dir():
+        raise InputError(f"{output} is a file; the results need a folder")
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{output}: cannot be made ({error.strerror})") from None
+    check_place(output / INDEX_NAME, force=True)
 
 
 def frame_count(recordings: Sequence[Path]) -> int:
