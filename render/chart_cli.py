@@ -16,7 +16,7 @@ from lighting.measures.known import read_known, write_known
 from render.measures import chart, growth
 from render.measures.chart_scenes import View, chart_maps, chart_scenes
 from render.measures.truths import truth_of
-from render.measures.ways import SHADOW_MAPS, ways
+from render.measures.ways import MAIN_WAYS, SHADOW_MAPS, ways
 
 SIZE_PX = (640, 480)
 
@@ -92,7 +92,7 @@ def chart_render(
     points = chart.points_of(rows) + growth.points_of(grew)
     about = f"{_all_of(scenes, 'scene')} under {_all_of(maps, 'map')}, {SIZE_PX[0]}×{SIZE_PX[1]}."
     for path, theme, what in pictures:
-        draw(points, what, list(compared), about, path, theme)
+        draw(points, what, MAIN_WAYS, about, path, theme)
     print(
         f"{output}: {len(rows) + len(grew)} measurements of {len(compared)} ways, "
         f"{_all_of(scenes, 'scene')} under {_all_of(maps, 'map')}"

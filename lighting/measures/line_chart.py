@@ -87,7 +87,7 @@ def _plain(number: float, _: object) -> str:
 
 _WITH_UNIT: dict[str, Callable[[float, object], str]] = {
     "%": lambda share, _: f"{100 * share:g} %",
-    "ms": lambda ms, _: f"{ms:g} ms",
+    "ms": lambda ms, _: f"{ms:g} ms" if ms < 1e3 else f"{ms / 1e3:g} s",
     "": _plain,
 }
 _MARKERS = "osD^v"
@@ -113,7 +113,7 @@ def draw(
         Those of a system in the order of its line.
     chart : Chart
     own : sequence of str
-        Systems that may be in colour: the favourite and those that are most often on a front are.
+        Systems that may be in colour: of many, the favourite and those most often on a front.
     about : str
         What was measured and on what, one line below the title.
     path : Path
@@ -173,6 +173,8 @@ def _styles(
         for point in pareto_front(points, panel.figure, panel.cost)
     )
     by_worth = sorted(own, key=lambda name: (name != favourite, -on_fronts[name]))
+    if len(own) <= len(theme.colours):  # so that several charts have the same colours
+        by_worth = list(own)
     named = [name for name in by_worth if name in systems][: len(theme.colours)]
     styles = {}
     for name in systems:

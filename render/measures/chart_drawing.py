@@ -18,7 +18,7 @@ _BAND = "Band: nothing else is both cheaper and truer; beside it, the number of 
 
 ERROR_CHART = Chart(
     "Pictures under an environment map: error against time",
-    f"{_BAND} Lights turn from frame to frame; with rays, objects and camera move too.",
+    f"{_BAND} Grey: with another setting. Lights turn; with rays, all else moves too.",
     (
         Panel("Relative RMSE, median", RMSE),
         Panel("FLIP, median: how different it looks", FLIP),
@@ -30,7 +30,7 @@ ERROR_CHART = Chart(
 
 GROWTH_CHART = Chart(
     "Pictures under an environment map: how the time of a frame grows",
-    "What is ready before the first frame is not counted: of transport, that is seconds.",
+    "What is made before the first frame is not counted: for transport, that takes seconds.",
     (
         Panel("With lights", MS, _count, "ms", "", COUNTS, has_front=False),
         Panel("With triangles", TRIANGLES, _count, "ms", "", (1e3, 1e4, 1e5, 1e6), has_front=False),

@@ -28,6 +28,8 @@ Way = Callable[[Scene, Camera], AbstractContextManager[Draw]]
 """Makes ready to draw a scene from a camera, and frees what that took in the end."""
 
 RAYS, TRANSPORT, SHADOW_MAPS = "rays", "transport", "shadow maps"
+MAIN_WAYS = (RAYS, TRANSPORT, SHADOW_MAPS)
+"""As they are used; the others differ from one of them in a setting."""
 
 _STEP_M = 1e-3  # that the camera moves from frame to frame
 _TURN_RAD = np.radians(0.5)  # that all lights turn about the vertical

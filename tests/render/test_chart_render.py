@@ -19,7 +19,7 @@ from render.measures import chart, growth, truths
 from render.measures.chart_drawing import ERROR_CHART, GROWTH_CHART
 from render.measures.chart_scenes import chart_maps, chart_scenes, map_digest, view_digest
 from render.measures.picture_errors import Truth, away_from_outlines, mean_flip, relative_rmse
-from render.measures.ways import RAYS, SHADOW_MAPS, TRANSPORT, turned, ways
+from render.measures.ways import MAIN_WAYS, RAYS, SHADOW_MAPS, TRANSPORT, turned, ways
 from render.scenes.casters import gather_casters
 from render.scenes.default_scene import sphere
 from render.scenes.scene import Camera, Ground, Material, Scene
@@ -313,7 +313,7 @@ def test_writes_the_charts_and_their_numbers(small, map_path, tmp_path, capsys):
     for name, words in (("render", "error against time"), ("growth", "time of a frame grows")):
         text = (output / f"{name}-dark.svg").read_text()
         assert words in text
-        assert "dark ['dark', 'bright'] 1 scene under 1 map, 640×480." in text
+        assert f"dark {MAIN_WAYS} 1 scene under 1 map, 640×480." in text
     # All is known: nothing is drawn.
     drawn = len(small["dark"].frames)
     chart_render(map_path, output=output, force=True)
