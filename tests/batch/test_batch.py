@@ -20,6 +20,7 @@ from render.batch import frames
 from render.batch.batch import INDEX_NAME, BatchSummary, run_batch
 from render.batch.runs import Settings
 from tests.batch.turning_sky import damage, record, replayed, results
+from tests.capture.command_line import run
 
 FRAMES = 7
 SETTINGS = Settings(("merge", "remap", "lights"), LightPlan(6), 16)
@@ -46,13 +47,13 @@ def expected(sky: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, l
 
 @pytest.fixture
 def batch(scheduler: str):
-    def run(*recordings: Path, output: Path, run_length: int = 3, **wishes) -> BatchSummary:
+    def run_here(*recordings: Path, output: Path, run_length: int = 3, **wishes) -> BatchSummary:
         settings = wishes.pop("settings", SETTINGS)
         return run_batch(
             recordings, output, settings, scheduler=scheduler, run_length=run_length, **wishes
         )
 
-    return run
+    return run_here
 
 
 @pytest.mark.parametrize("run_length", [1, 3, FRAMES])
@@ -62,6 +63,17 @@ def test_wherever_it_is_cut_it_is_the_replay_to_the_byte(
     summary = batch(sky, output=tmp_path, run_length=run_length)
     assert (summary.made, summary.kept, summary.has_failures) == (FRAMES, 0, False)
     assert results(tmp_path, sky) == expected
+
+
+@pytest.mark.gl
+def test_fishlight_replay_writes_the_same_files(sky, expected, tmp_path):
+    mesh = tmp_path / "triangle.obj"
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    small = ["--count", 6, "--height", 16, "--size", "16x16", "--mesh", mesh]
+    run("replay", sky, "-o", tmp_path / "out", *small)
+    for kind, suffix in (("maps", "exr"), ("lights", "json")):
+        paths = sorted((tmp_path / "out" / kind).glob(f"*.{suffix}"))
+        assert [path.read_bytes() for path in paths] == expected[kind]
 
 
 def test_a_method_that_takes_maps_is_the_replay_too(batch, sky, tmp_path):

@@ -1,6 +1,6 @@
 """A million frames planned and tracked, on workers that only sleep.
 
-    python -m tests.benchmarks.million_frames [frames] [slots]
+    python -m tests.benchmarks.million_frames [frames] [slots] [seconds a frame]
 
 A thousand slots are threads of this process that take a run, sleep as long as its frames would
 take, and answer; scheduler and client are threads of it too. What is left is all that a batch keeps
@@ -23,9 +23,6 @@ from render.batch.frames import LitRun, RunRecord
 from render.batch.runs import RUN_LENGTH, Run
 from render.batch.tracking import Steps, Tracker
 
-_FRAME_S = 0.06
-"""What a bracket of 512² takes one core, about."""
-
 
 @dataclass
 class SleepingSequence:
@@ -33,7 +30,6 @@ class SleepingSequence:
 
     job: Any
     frames: int
-    sleep_s: float
     link: str = "0"
     before: Path | None = None
     in_flight: int = 0
@@ -94,17 +90,15 @@ def simulate_batch(frames: int, recordings: int, slots: int, sleep_s: float) -> 
 
     with (
         LocalCluster(
-            n_workers=max(1, slots // 50),
+            n_workers=-(-slots // 50),
             threads_per_worker=min(slots, 50),
             processes=False,
             dashboard_address="127.0.0.1:0",
         ) as cluster,
         Client(cluster) as client,
     ):
-        tracker = Tracker(client, on_concluded, on_failed, Steps(_prepare, _light, _preview))
-        sequences = (
-            SleepingSequence(sleep_s, frames // recordings, sleep_s) for _ in range(recordings)
-        )
+        tracker = Tracker(client, on_concluded, on_failed, Steps(_sleep, light_nothing, _refuse))
+        sequences = (SleepingSequence(sleep_s, frames // recordings) for _ in range(recordings))
         start_s, start_cpu_s = time.perf_counter(), time.process_time()
         tracker.run_all(sequences)
         wall_s, cpu_s = time.perf_counter() - start_s, time.process_time() - start_cpu_s
@@ -115,14 +109,15 @@ def simulate_batch(frames: int, recordings: int, slots: int, sleep_s: float) -> 
     return Simulated(frames, wall_s, cpu_s, peak_bytes)
 
 
-def _prepare(sleep_s: Any, run: Run) -> Any:
+def _sleep(sleep_s: Any, run: Run) -> Any:
     time.sleep(sleep_s * len(run))
     return b"prepared"
 
 
-def _light(
-    _sleep_s: Any, run: Run, _prepared: Sequence[Any], _link: str, _before: Path | None
+def light_nothing(
+    _job: Any, run: Run, _prepared: Sequence[Any], _link: str, _before: Path | None
 ) -> LitRun:
+    """Return the record of a run as long as a real one."""
     row = FrameRow(
         recording="sky-01234567", bracket=0, time_s=0.0, exposure_count=3, shortest_s=0.001,
         longest_s=0.1, clipped_share=0.0, total_irradiance=1.0, light_count=64,
@@ -132,15 +127,14 @@ def _light(
     return LitRun(RunRecord(str(run.start), (row,) * len(run)), {})
 
 
-def _preview(*_: Any) -> None:
+def _refuse(*_: Any) -> None:
     raise AssertionError("there are no lights to draw")
 
 
 if __name__ == "__main__":
-    wanted, slots = (int(argument) for argument in (*sys.argv[1:], 1_000_000, 1000)[:2])
-    result = simulate_batch(
-        wanted, recordings=max(1, wanted // 10_000), slots=slots, sleep_s=_FRAME_S
-    )
+    defaults = ("1000000", "1000", "0.06")  # a bracket of 512² takes one core about so long
+    frames, slots, sleep_s = (*sys.argv[1:], *defaults[len(sys.argv) - 1 :])
+    result = simulate_batch(int(frames), max(1, int(frames) // 10_000), int(slots), float(sleep_s))
     print(
         f"{result.frames} frames, {slots} slots: {result.wall_s:.0f} s, "
         f"{1e3 * result.cpu_s / result.frames:.3f} ms of CPU a frame, "
