@@ -2,8 +2,8 @@
 
 Input  : harmonics of radiance (9, 3).    Output : lights, of the same directions for every fill.
 Cost   : a matrix product a picture; the cells are laid out once, in 50 ms.
-Fails  : the light of a cell comes from one direction, so an occluder hides all of it or none
-         (tests/limits/test_render_hard_shadows.py). In the open irradiance is within 0.2 % (rms).
+Fails  : a cell is drawn as the disc of its spread (tests/limits/test_render_soft_shadows.py). In
+         the open irradiance is within 0.2 % (rms).
 """
 
 from functools import cache

@@ -101,19 +101,21 @@ def release(context: moderngl.Context, *items: Any) -> None:
 
 
 def load_program(
-    context: moderngl.Context, vertex: str, fragment: str, **constants: int
+    context: moderngl.Context, vertex: str, *fragment: str, **constants: int
 ) -> moderngl.Program:
-    """Return the program made of two files of render/opengl/shaders.
+    """Return the program made of files of render/opengl/shaders, `fragment` one after the other.
 
-    `constants` become #defines in both, which lets the compiler unroll loops.
+    `constants` become #defines in both shaders, which lets the compiler unroll loops.
     """
     folder = importlib.resources.files("render.opengl.shaders")
     defines = "".join(f"#define {name} {value}\n" for name, value in constants.items())
-    sources = [
-        "#version 330 core\n" + defines + (folder / name).read_text(encoding="utf-8")
-        for name in (vertex, fragment)
-    ]
-    return context.program(vertex_shader=sources[0], fragment_shader=sources[1])
+    vertex_source, fragment_source = (
+        "#version 330 core\n"
+        + defines
+        + "".join((folder / name).read_text(encoding="utf-8") for name in names)
+        for names in ((vertex,), fragment)
+    )
+    return context.program(vertex_shader=vertex_source, fragment_shader=fragment_source)
 
 
 def set_uniforms(program: moderngl.Program, **values: Any) -> None:

@@ -28,6 +28,8 @@ _GROUND_SIDES = 256
 class GBuffer:
     """Float textures of a scene seen by a camera; (name, texture) pairs in `textures`."""
 
+    names = _TARGETS
+
     def __init__(
         self,
         context: moderngl.Context,
@@ -36,6 +38,7 @@ class GBuffer:
         size_px: tuple[int, int],
     ) -> None:
         self._context = context
+        self.size_px = size_px
         self.textures = tuple((name, context.texture(size_px, 4, dtype="f4")) for name in _TARGETS)
         for _, texture in self.textures:
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)

@@ -1,17 +1,16 @@
 """Pictures from lights: every light's shadow map, and their sum over what each pixel shows.
 
 Input  : a scene, a camera and LightSets.    Output : linear radiance, in the lights' scale.
-Cost   : on llvmpipe and 2 cores see tests/benchmarks; the sum over lights takes most of it.
+Cost   : on llvmpipe and 2 cores see tests/benchmarks/render.py.
 Fails  : only light that comes straight from the lights is there. A mirror shows the lights and not
          the map they stand for; nothing lights another thing, the ground included. Light that
          facets pass on to each other is lost: a white metal of roughness 1 reflects 41 %. A smooth
-         dielectric is up to 4 % too bright (tests/limits/test_render_energy.py). Shadows are hard:
-         a light's extent counts for highlights and horizons, but an occluder hides all of it or
-         none (tests/limits/test_render_hard_shadows.py).
+         dielectric is up to 4 % too bright (tests/limits/test_render_energy.py). Penumbrae are
+         estimates (tests/limits/test_render_soft_shadows.py).
 """
 
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 import moderngl
 import numpy as np
@@ -19,24 +18,29 @@ from numpy.typing import NDArray
 
 from capture.errors import InputError
 from lighting.light_set import LightSet
-from lighting.maps.environment import EnvironmentMap
-from render.lights.discs import irradiance_curves
+from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from render.lights.dome import dome_lights
 from render.lights.reaching_lights import reaching_lights
 from render.opengl.context import load_program, release, set_uniforms
 from render.opengl.gbuffer import GBuffer
-from render.opengl.shadows import ShadowAtlas, texel_width, world_to_tile
+from render.opengl.shading import LightPass
+from render.opengl.shadows import ATLAS_SIDE_PX, ShadowAtlas
 from render.scenes.casters import gather_casters
 from render.scenes.scene import Camera, Scene
 
-BATCH = 64
-"""Lights per pass over the picture."""
-
+KEY_LIGHTS = 4
+"""The strongest, which every sample looks at, in the finest maps."""
+KEY_MAP_PX = 2048
+LARGEST_MAP_PX = 256
+"""Of the other lights and of the dome: their shadows are blurred."""
 DOME_ATLAS_SIDE_PX = 2048
 """Holds maps of 256² for the whole dome."""
 
+INTERLEAVING = 4
+"""n of n × n samples that share the looking at the other lights."""
+
 MAX_SAMPLES = 2**26
-"""Samples of a picture, each of which takes 100 bytes: 4096 × 4096 pixels of 2 × 2."""
+"""Samples of a picture, each of which takes 112 bytes: 4096 × 4096 pixels of 2 × 2."""
 
 
 class Renderer:
@@ -52,10 +56,18 @@ class Renderer:
     camera : Camera
     samples_per_axis : int
         Each pixel is the mean of its square of samples, a box filter in linear radiance.
+    interleaving : int
+        4: of 4 × 4 samples each looks whether it sees a sixteenth of the lights that are no key
+        lights, and takes over from its neighbours what they saw; 1: each looks at all lights.
     """
 
     def __init__(
-        self, context: moderngl.Context, scene: Scene, camera: Camera, samples_per_axis: int = 1
+        self,
+        context: moderngl.Context,
+        scene: Scene,
+        camera: Camera,
+        samples_per_axis: int = 1,
+        interleaving: int = INTERLEAVING,
     ) -> None:
         if samples_per_axis < 1:
             raise InputError(f"a pixel needs at least one sample, got {samples_per_axis} per axis")
@@ -72,15 +84,18 @@ class Renderer:
             )
         self._gbuffer = GBuffer(context, scene, camera, (width, height))
         self._casters = gather_casters(scene.meshes)
-        self._atlas = ShadowAtlas(context, self._casters)
+        self._key_atlas = ShadowAtlas(context, self._casters, ATLAS_SIDE_PX, KEY_MAP_PX)
+        self._atlas = ShadowAtlas(context, self._casters, ATLAS_SIDE_PX, LARGEST_MAP_PX)
         self._dome_atlas: ShadowAtlas | None = None
         self._sum = context.texture((width, height), 4, dtype="f4")
         self._framebuffer = context.framebuffer([self._sum])
-        self._lights = context.buffer(reserve=BATCH * _LIGHT_BYTES)
         self._background_program = load_program(context, "screen.vert", "background.frag")
         self._background = context.vertex_array(self._background_program, [])
-        self._shade_program = load_program(context, "screen.vert", "shade.frag", BATCH=BATCH)
-        self._shade = context.vertex_array(self._shade_program, [])
+        self._full = LightPass(context, self._gbuffer, camera.eye, 1)
+        is_shared = interleaving > 1 and min(width, height) >= interleaving
+        self._shared = (
+            LightPass(context, self._gbuffer, camera.eye, interleaving) if is_shared else self._full
+        )
         self._environment = context.texture((1, 1), 3, bytes(12), dtype="f4")
         self._wire_up()
 
@@ -115,42 +130,43 @@ class Renderer:
         """
         self._draw_background(background)
         directions, irradiance, radius_rad = reaching_lights(lights, self._scene)
-        for first in range(0, len(directions), self._atlas.capacity):
-            part = slice(first, first + self._atlas.capacity)
-            self._add_lights(self._atlas, directions[part], irradiance[part], radius_rad[part])
+        is_key = np.zeros(len(directions), bool)
+        is_key[np.argsort(-(irradiance @ LUMINANCE_WEIGHTS), kind="stable")[:KEY_LIGHTS]] = True
+        for light_pass, atlas, part in (
+            (self._full, self._key_atlas, is_key),
+            (self._shared, self._atlas, ~is_key),
+        ):
+            self._add_lights(
+                light_pass, atlas, directions[part], irradiance[part], radius_rad[part]
+            )
         if lights.fill.any():
             dome = dome_lights(lights.fill, upper_only=self._scene.ground is not None)
             # An atlas of its own: lights that come and go would displace the dome's maps.
             self._dome_atlas = self._dome_atlas or ShadowAtlas(
-                self._context, self._casters, DOME_ATLAS_SIDE_PX
+                self._context, self._casters, DOME_ATLAS_SIDE_PX, LARGEST_MAP_PX
             )
-            self._add_lights(self._dome_atlas, *dome)
+            self._add_lights(self._shared, self._dome_atlas, *dome)
         return self._read()
 
     def release(self) -> None:
         """Free the GL objects; the context stays."""
         self._gbuffer.release()
-        self._atlas.release()
-        if self._dome_atlas is not None:
-            self._dome_atlas.release()
+        for light_pass in {self._full, self._shared}:
+            light_pass.release()
+        for atlas in (self._key_atlas, self._atlas, self._dome_atlas):
+            if atlas is not None:
+                atlas.release()
         release(
             self._context,
             self._framebuffer,
             self._sum,
-            self._lights,
             self._background,
             self._background_program,
-            self._shade,
-            self._shade_program,
             self._environment,
         )
 
     def _wire_up(self) -> None:
-        """Give the programs what stays the same for every picture."""
-        units = {name: unit for unit, (name, _) in enumerate(self._gbuffer.textures)}
-        set_uniforms(self._shade_program, atlas=len(units), eye=self._camera.eye, **units)
-        lights: Any = self._shade_program["Lights"]
-        lights.binding = 0
+        """Give the background's program what stays the same for every picture."""
         across, up = self._camera.half_extent()
         # What one unit of ndc.x, of ndc.y and of 1 adds to the direction.
         columns = self._camera.axes() * [[across], [up], [-1.0]]
@@ -173,33 +189,18 @@ class Renderer:
 
     def _add_lights(
         self,
+        light_pass: LightPass,
         atlas: ShadowAtlas,
         directions: NDArray[np.float64],
         irradiance: NDArray[np.float64],
         radius_rad: NDArray[np.float64],
     ) -> None:
-        atlas.draw(directions)
-        size_px = atlas.tile_px
-        set_uniforms(
-            self._shade_program,
-            texel_m=texel_width(atlas.radius_m, size_px),
-            texel_tile=1.0 / size_px,
-            casters_m=atlas.radius_m,
-        )
-        rows = world_to_tile(directions, atlas.centre, atlas.radius_m, size_px)
-        packed = pack_lights(rows, directions, irradiance, radius_rad, atlas.tiles(len(rows)))
-        for unit, (_, texture) in enumerate(self._gbuffer.textures):
-            texture.use(unit)
-        atlas.texture.use(len(self._gbuffer.textures))
-        self._framebuffer.use()
-        self._context.enable_only(moderngl.BLEND)
-        self._context.blend_func = moderngl.ONE, moderngl.ONE
-        self._lights.bind_to_uniform_block(0)
-        for first in range(0, len(packed), BATCH):
-            batch = packed[first : first + BATCH]
-            self._lights.write(batch.tobytes())
-            set_uniforms(self._shade_program, light_count=len(batch))
-            self._shade.render(moderngl.TRIANGLES, vertices=3)
+        for first in range(0, len(directions), atlas.capacity):
+            part = slice(first, first + atlas.capacity)
+            atlas.draw(directions[part])
+            light_pass.add(
+                self._framebuffer, atlas, directions[part], irradiance[part], radius_rad[part]
+            )
 
     def _read(self) -> NDArray[np.float32]:
         width, height = self._camera.size_px
@@ -208,32 +209,3 @@ class Renderer:
         samples = np.frombuffer(raw, np.float32).reshape(height, n, width, n, 4)
         picture = samples[:, 0, :, 0] if n == 1 else samples.mean(axis=(1, 3), dtype=np.float32)
         return np.ascontiguousarray(picture[::-1])
-
-
-_LIGHT_BYTES = 7 * 16
-
-
-def pack_lights(
-    rows: NDArray[np.float64],
-    directions: NDArray[np.float64],
-    irradiance: NDArray[np.float64],
-    radius_rad: NDArray[np.float64],
-    tiles: NDArray[np.float64],
-) -> NDArray[np.float32]:
-    """Return the lights as shade.frag's uniform block has them, (K, 7, 4) float32.
-
-    A light of angular radius r spreads the directions it comes from by r²/4 per axis, and half
-    vectors by a quarter of that. GGX with width α has the core of a distribution of slopes of
-    variance α²/2, so the highlight of the whole extent is that of α² + r²/8: the first order of
-    a convolution, good while r is small.
-    """
-    curves = irradiance_curves(radius_rad)
-    packed: NDArray[Any] = np.zeros((len(rows), 7, 4), np.float32)
-    packed[:, :3] = rows
-    packed[:, 3, :3] = directions
-    packed[:, 3, 3] = radius_rad**2 / 8
-    packed[:, 4, :3] = irradiance
-    packed[:, 4, 3] = curves[:, 0]
-    packed[:, 5, :3] = tiles
-    packed[:, 6] = curves[:, 1:]
-    return packed

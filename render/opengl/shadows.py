@@ -17,17 +17,16 @@ from render.opengl.context import load_program, release, set_uniforms
 from render.scenes.casters import Casters
 
 ATLAS_SIDE_PX = 4096
-LARGEST_TILE_PX = 512
 SMALLEST_TILE_PX = 128
 _BORDER_TEXELS = 2  # free of casters on each side of a tile
 
 
-def tile_size(light_count: int, side_px: int = ATLAS_SIDE_PX) -> int:
-    """Width of a light's tile in pixels: 512 for up to 64 lights, halved for every 4 × as many.
+def tile_size(light_count: int, side_px: int, largest_px: int) -> int:
+    """Width of a light's tile in pixels: the largest of which as many fit, a power of 2.
 
-    Never below 128, so that more than 1024 lights take turns in the atlas.
+    Never below 128, so that more lights than fit take turns in the atlas.
     """
-    size = LARGEST_TILE_PX
+    size = min(largest_px, side_px)
     while size > SMALLEST_TILE_PX and (side_px // size) ** 2 < light_count:
         size //= 2
     return size
@@ -83,7 +82,7 @@ class ShadowAtlas:
     """
 
     def __init__(
-        self, context: moderngl.Context, casters: Casters, side_px: int = ATLAS_SIDE_PX
+        self, context: moderngl.Context, casters: Casters, side_px: int, largest_px: int
     ) -> None:
         self.centre = casters.centre
         # Without casters any positive size will do.
@@ -95,10 +94,11 @@ class ShadowAtlas:
         self._open = self._vertex_array(casters.open_faces)
         self.side_px = min(side_px, context.info["GL_MAX_TEXTURE_SIZE"])
         self.texture = context.depth_texture((self.side_px, self.side_px))
-        self.texture.compare_func = "<="
-        self.texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        self.texture.compare_func = ""
+        self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._framebuffer = context.framebuffer(depth_attachment=self.texture)
         self.tile_px = 0
+        self._largest_px = largest_px
         self._drawn = np.empty((0, 3))
 
     @property
@@ -161,7 +161,7 @@ class ShadowAtlas:
 
     def _lay_out(self, count: int) -> None:
         """Choose the width of tiles for `count` lights; another width forgets all maps."""
-        tile_px = tile_size(count, self.side_px)
+        tile_px = tile_size(count, self.side_px, self._largest_px)
         if tile_px != self.tile_px:
             self.tile_px = tile_px
             self._drawn = np.full(((self.side_px // tile_px) ** 2, 3), np.nan)

@@ -49,7 +49,7 @@ def _parts(context: moderngl.Context, repeats: int) -> list[dict[str, Any]]:
     scene, camera = default_scene()
     size_px = camera.size_px
     lights, others = random_lights(LIGHT_COUNT, seed=0), random_lights(LIGHT_COUNT, seed=1)
-    atlas = ShadowAtlas(context, gather_casters(scene.meshes))
+    atlas = ShadowAtlas(context, gather_casters(scene.meshes), 4096, 512)
     with Renderer(context, scene, camera) as renderer:
 
         def gbuffer() -> None:

@@ -12,7 +12,7 @@ import math
 import numpy as np
 import pytest
 
-from render.opengl.renderer import Renderer
+from render.opengl.renderer import KEY_MAP_PX, Renderer
 from render.opengl.shadows import texel_width
 from render.scenes.casters import gather_casters
 from render.scenes.scene import Camera, Ground, Scene
@@ -27,7 +27,9 @@ CAMERA = Camera(np.array([-1.2, 4.0, 0.001]), np.array([-1.2, 0.0, 0.0]), 0.02, 
 PIXEL_M = 2 * 4 * math.tan(0.01) / 400
 # Keeps the maps in place while the plate moves.
 ANCHOR = box((-0.5, 0.2, -0.1), (-0.49, 0.21, 0.1))
-TEXEL_M = texel_width(gather_casters([box((-0.5, 0.2, -0.1), (0.5, 1.2, 0.1))]).radius_m, 512)
+TEXEL_M = texel_width(
+    gather_casters([box((-0.5, 0.2, -0.1), (0.5, 1.2, 0.1))]).radius_m, KEY_MAP_PX
+)
 
 
 def shadow_width_m(ctx, thickness_m, shift_m):

@@ -159,7 +159,7 @@ def test_the_other_renderers_draw_the_same(ctx):
     lights = random_lights(6, seed=4)
     effort = Effort(interleaving=1)
     with (
-        Renderer(ctx, scene, camera) as drawn,
+        Renderer(ctx, scene, camera, interleaving=1) as drawn,
         MovingRenderer(scene, camera, effort=effort) as renderer,
     ):
         expected, picture = drawn.render(lights, background), renderer.render(lights, background)

@@ -15,10 +15,11 @@ from lighting.sphere.latlong import cell_directions
 from render.lights.dome import CELLS
 from render.lights.reaching_lights import reaching_lights
 from render.opengl.context import is_software
-from render.opengl.renderer import BATCH, Renderer
+from render.opengl.renderer import INTERLEAVING, KEY_LIGHTS, Renderer
 from render.opengl.shadows import ShadowAtlas
 from render.scenes.default_scene import sphere
 from render.scenes.scene import Camera, Ground, Material, Mesh, Scene
+from tests.render.boxes import box
 from tests.render.brute_force import SphereScene, as_points, away_from_outlines, trace
 from tests.render.light_sets import (
     one_light,
@@ -48,8 +49,8 @@ def ball_scene(scene=BALL, rings=64):
     return Scene((ball_mesh(scene, rings),), scene.ground)
 
 
-def picture(ctx, scene, camera, lights, samples_per_axis=1, background=None):
-    with Renderer(ctx, scene, camera, samples_per_axis) as renderer:
+def picture(ctx, scene, camera, lights, samples_per_axis=1, background=None, interleaving=1):
+    with Renderer(ctx, scene, camera, samples_per_axis, interleaving) as renderer:
         return renderer.render(lights, background)
 
 
@@ -150,7 +151,7 @@ def test_the_maps_of_the_fill_are_drawn_once(ctx, monkeypatch):
     with Renderer(ctx, ball_scene(rings=8), BALL_CAMERA) as renderer:
         for count in (2, 70, 2):  # the tiles of lights change their size
             renderer.render(replace(random_lights(count, seed=13), fill=uniform_fill(count)))
-    assert drawn == [2, CELLS // 2, 70, 0, 2, 0]
+    assert drawn == [2, CELLS // 2, 4, 66, 0, 2, 0]
 
 
 def test_lights_and_fill_add_up(ctx):
@@ -214,7 +215,7 @@ def test_agrees_with_brute_force(ctx, scene, lights):
 def test_the_order_of_lights_does_not_matter(ctx):
     lights = random_lights(20, seed=1)
     shuffled = selected(lights, np.random.default_rng(0).permutation(20))
-    with Renderer(ctx, ball_scene(), BALL_CAMERA) as renderer:
+    with Renderer(ctx, ball_scene(), BALL_CAMERA, interleaving=1) as renderer:
         error = np.abs(renderer.render(shuffled) - renderer.render(lights))
     # In another tile of the atlas, coordinates round differently: by a 256th in a shadow's edge.
     assert np.median(error) < 1e-7
@@ -229,15 +230,35 @@ def test_linear_in_irradiance(ctx):
 
 
 def test_a_light_more_than_a_batch_adds_itself(ctx):
-    lights = random_lights(BATCH + 1, seed=6)
+    batch = KEY_LIGHTS + 4 * INTERLEAVING**2
+    lights = random_lights(batch + 1, seed=6)
     scene = Scene((), Ground(0.0, REFLECTANCE))
     with Renderer(ctx, scene, FROM_ABOVE) as renderer:
         together = renderer.render(lights)
         parts = [
             renderer.render(selected(lights, part))[..., :3]
-            for part in (slice(0, BATCH), slice(BATCH, None))
+            for part in (slice(0, batch), slice(batch, None))
         ]
     assert_allclose(together[..., :3], parts[0] + parts[1], rtol=1e-6)
+
+
+def test_taking_turns_takes_nothing_from_what_is_seen(ctx):
+    # A convex body alone: each sample sees all lights that its face looks at.
+    scene = ball_scene(replace(BALL, ground=None), rings=12)
+    lights = uniform_lights(64)
+    pictures = [picture(ctx, scene, BALL_CAMERA, lights, interleaving=n) for n in (1, 4)]
+    assert_allclose(pictures[1], pictures[0], rtol=1e-6)
+
+
+def test_turns_are_shared_on_one_surface_only(ctx):
+    # A lit plate before the shadow that it throws on the ground: each shows one value, to its edge.
+    scene = Scene((box((-1, 0.5, -1), (1, 0.52, 1)),), Ground(0.0, (1, 1, 1)))
+    camera = Camera(np.array([0.0, 4.0, 0.001]), np.zeros(3), math.radians(50), (48, 48))
+    overhead = np.repeat([[0.0, 1.0, 0.0]], 20, axis=0)
+    many = LightSet(overhead, np.ones((20, 3)) / 20, np.zeros(20))
+    result = math.pi * picture(ctx, scene, camera, many, interleaving=INTERLEAVING)[..., 0]
+    expected = math.pi * picture(ctx, scene, camera, one_light((0, 1, 0)))[..., 0]
+    assert_allclose(result, expected, atol=1e-5)
 
 
 def test_more_lights_than_the_atlas_holds_take_turns(ctx):
@@ -264,7 +285,8 @@ def test_same_bits_from_kept_and_from_new_maps(ctx):
         other = renderer.render(second)
         after = renderer.render(first)
     assert_array_equal(after, before)
-    assert_array_equal(picture(ctx, ball_scene(), BALL_CAMERA, second), other)
+    new = picture(ctx, ball_scene(), BALL_CAMERA, second, interleaving=INTERLEAVING)
+    assert_array_equal(new, other)
 
 
 def test_a_pixel_is_the_mean_of_its_samples(ctx):

@@ -26,7 +26,7 @@ def first_maps(atlas, count):
     ("count", "expected_px"), [(1, 512), (64, 512), (65, 256), (256, 256), (257, 128), (5000, 128)]
 )
 def test_tiles_shrink_as_lights_grow_in_number(count, expected_px):
-    assert tile_size(count) == expected_px
+    assert tile_size(count, 4096, 512) == expected_px
 
 
 @settings(deadline=None, max_examples=60)
@@ -60,7 +60,7 @@ def test_frames_of_neighbouring_lights_are_close_over_the_upper_hemisphere():
 @pytest.mark.gl
 def test_the_map_of_a_sphere_holds_its_depth(ctx):
     casters = gather_casters([sphere(tuple(CENTRE), 1.0, Material(), rings=128)])
-    atlas = ShadowAtlas(ctx, casters)
+    atlas = ShadowAtlas(ctx, casters, 4096, 512)
     assert atlas.draw(np.array([[0.6, 0.8, 0.0]])) == 1
     depth = first_maps(atlas, 1)
     centres = (np.arange(atlas.tile_px) + 0.5) / atlas.tile_px - 0.5
@@ -77,7 +77,7 @@ def test_the_map_of_a_sphere_holds_its_depth(ctx):
 
 @pytest.mark.gl
 def test_only_lights_that_moved_are_drawn_again(ctx):
-    atlas = ShadowAtlas(ctx, gather_casters([sphere((0, 1, 0), 1.0, Material(), 8)]))
+    atlas = ShadowAtlas(ctx, gather_casters([sphere((0, 1, 0), 1.0, Material(), 8)]), 4096, 512)
     directions = random_lights(10, seed=0).directions.copy()
     assert atlas.draw(directions) == 10
     assert atlas.draw(directions) == 0
@@ -97,7 +97,7 @@ def test_leaving_out_faces_turned_away_changes_no_map(ctx):
     maps = []
     for mesh in (closed, opened):
         casters = gather_casters([mesh])
-        atlas = ShadowAtlas(ctx, casters)
+        atlas = ShadowAtlas(ctx, casters, 4096, 512)
         atlas.draw(random_lights(4, seed=2).directions)
         maps.append(first_maps(atlas, 4))
         atlas.release()

@@ -1,0 +1,160 @@
+"""Light on a picture: what of each light every pixel sees, and the sum of what it reflects.
+
+Input  : a G-buffer, shadow maps, lights.    Output : radiance, added to a framebuffer.
+Cost   : where pixels take turns, each looks at one light in side² and shades all of them.
+Fails  : shadows narrower than `side` pixels are blurred by as much where pixels take turns, and
+         penumbrae, estimated from 16 texels, have blotches as large; elsewhere, from 32, they have
+         grain. Neither moves on the screen. Of two casters in a line only the one nearer to the
+         light is in its map, and a penumbra of casters at several distances is that of their mean.
+"""
+
+from typing import Any
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from render.lights.discs import irradiance_curves
+from render.opengl.context import load_program, release, set_uniforms
+from render.opengl.gbuffer import GBuffer
+from render.opengl.shadows import ShadowAtlas, texel_width, world_to_tile
+
+Array = NDArray[np.float64]
+
+_TAPS, _TAPS_OF_TURNS = 32, 16
+_LIGHT_BYTES = 7 * 16
+
+
+class LightPass:
+    """Adds lights to a picture, a batch at a time.
+
+    Owns GL objects; the context that made them must be current.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+    gbuffer : GBuffer
+    eye : (3,) float64
+    side : int
+        n of n × n pixels that share the looking at lights: 1 or 4. The picture must have as many
+        rows and columns.
+    """
+
+    def __init__(self, context: moderngl.Context, gbuffer: GBuffer, eye: Array, side: int) -> None:
+        self._context = context
+        self._gbuffer = gbuffer
+        self.batch = 4 * side * side
+        size_px = gbuffer.size_px
+        self._visible = context.texture(size_px, 4)
+        self._seeing = context.framebuffer([self._visible])
+        self._lights = context.buffer(reserve=self.batch * _LIGHT_BYTES)
+        self._see_program = load_program(
+            context,
+            "screen.vert",
+            "lights.glsl",
+            "visibility.frag",
+            SIDE=side,
+            TAPS=_TAPS if side == 1 else _TAPS_OF_TURNS,
+        )
+        self._shade_program = load_program(
+            context, "screen.vert", "lights.glsl", "shade.frag", SIDE=side
+        )
+        self._see = context.vertex_array(self._see_program, [])
+        self._shade = context.vertex_array(self._shade_program, [])
+        self._textures = [*gbuffer.textures, ("visible", self._visible)]
+        if side > 1:
+            self._textures.append(("same_surface", _same_surface(context, gbuffer)))
+        for program in (self._see_program, self._shade_program):
+            for unit, (name, _) in enumerate(self._textures):
+                if name in program:
+                    set_uniforms(program, **{name: unit})
+            lights: Any = program["Lights"]
+            lights.binding = 0
+        set_uniforms(self._shade_program, eye=eye)
+        set_uniforms(self._see_program, atlas=len(self._textures))
+
+    def add(
+        self,
+        target: moderngl.Framebuffer,
+        atlas: ShadowAtlas,
+        directions: Array,
+        irradiance: Array,
+        radius_rad: Array,
+    ) -> None:
+        """Add up to the atlas' capacity of lights, whose maps are drawn, to `target`."""
+        set_uniforms(
+            self._see_program,
+            texel_m=texel_width(atlas.radius_m, atlas.tile_px),
+            tile_px=float(atlas.tile_px),
+        )
+        rows = world_to_tile(directions, atlas.centre, atlas.radius_m, atlas.tile_px)
+        packed = pack_lights(rows, directions, irradiance, radius_rad, atlas.tiles(len(rows)))
+        for unit, (_, texture) in enumerate(self._textures):
+            texture.use(unit)
+        atlas.texture.use(len(self._textures))
+        self._lights.bind_to_uniform_block(0)
+        self._context.blend_func = moderngl.ONE, moderngl.ONE
+        for first in range(0, len(packed), self.batch):
+            batch = packed[first : first + self.batch]
+            self._lights.write(batch.tobytes())
+            for program in (self._see_program, self._shade_program):
+                set_uniforms(program, light_count=len(batch))
+            self._seeing.use()
+            self._context.enable_only(moderngl.NOTHING)
+            self._see.render(moderngl.TRIANGLES, vertices=3)
+            target.use()
+            self._context.enable_only(moderngl.BLEND)
+            self._shade.render(moderngl.TRIANGLES, vertices=3)
+
+    def release(self) -> None:
+        """Free the GL objects."""
+        owned = [texture for name, texture in self._textures if name not in self._gbuffer.names]
+        release(
+            self._context,
+            self._seeing,
+            *owned,
+            self._lights,
+            self._see,
+            self._see_program,
+            self._shade,
+            self._shade_program,
+        )
+
+
+def _same_surface(context: moderngl.Context, gbuffer: GBuffer) -> moderngl.Texture:
+    """Return which neighbours of each pixel show its surface, as same_surface.frag has it."""
+    same = context.texture(gbuffer.size_px, 2, dtype="u4")
+    same.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    program = load_program(context, "screen.vert", "same_surface.frag")
+    framebuffer, screen = context.framebuffer([same]), context.vertex_array(program, [])
+    for unit, (name, texture) in enumerate(gbuffer.textures):
+        if name in program:
+            set_uniforms(program, **{name: unit})
+            texture.use(unit)
+    framebuffer.use()
+    context.enable_only(moderngl.NOTHING)
+    screen.render(moderngl.TRIANGLES, vertices=3)
+    release(context, framebuffer, screen, program)
+    return same
+
+
+def pack_lights(
+    rows: Array, directions: Array, irradiance: Array, radius_rad: Array, tiles: Array
+) -> NDArray[np.float32]:
+    """Return the lights as lights.glsl's uniform block has them, (K, 7, 4) float32.
+
+    A light of angular radius r spreads the directions it comes from by r²/4 per axis, and half
+    vectors by a quarter of that. GGX with width α has the core of a distribution of slopes of
+    variance α²/2, so the highlight of the whole extent is that of α² + r²/8: the first order of
+    a convolution, good while r is small.
+    """
+    curves = irradiance_curves(radius_rad)
+    packed: NDArray[Any] = np.zeros((len(rows), 7, 4), np.float32)
+    packed[:, :3] = rows
+    packed[:, 3, :3] = directions
+    packed[:, 3, 3] = radius_rad**2 / 8
+    packed[:, 4, :3] = irradiance
+    packed[:, 4, 3] = curves[:, 0]
+    packed[:, 5, :3] = tiles
+    packed[:, 6] = curves[:, 1:]
+    return packed
