@@ -70,7 +70,7 @@ def strata(method: str, setting: Setting) -> Estimate:
 
     @cache
     def shared_out(samples: int) -> Strata:
-        return _share_out(method, setting, samples)
+        return share_out(method, setting, samples)
 
     def estimate(surfaces: Floats, samples: int, seed: int, radiance: Floats) -> int:
         parts = shared_out(samples)
@@ -80,7 +80,7 @@ def strata(method: str, setting: Setting) -> Estimate:
     return estimate
 
 
-def _share_out(method: str, setting: Setting, count: int) -> Strata:
+def share_out(method: str, setting: Setting, count: int) -> Strata:
     """Return the map's cells, each with the nearest light of a reduction to `count`."""
     environment = setting.environment
     brightness = luminance(environment.radiance).ravel()

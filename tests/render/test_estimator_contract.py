@@ -15,7 +15,7 @@ from render.scenes.scene import Camera, Ground, Scene
 from tests.chi2 import sidak
 from tests.render import estimator_scene
 
-SAMPLES, COPIES = 16, 400
+SAMPLES, COPIES = 16, 200
 FIXED = ("lights-adaptive", "lights-kollig-keller")
 BY_LIGHT = sorted(UNBIASED - {"cosine", "brdf", "resampling-brdf", "rejection-brdf"})
 
@@ -70,14 +70,14 @@ def test_many_fixed_lights_come_near_the_sum_over_the_sky(name, held):
     assert off < 0.05
 
 
-@pytest.mark.parametrize("name", sorted(ESTIMATORS))
+@pytest.mark.parametrize("name", [*sorted(UNBIASED), *FIXED])
 def test_a_black_map_gives_black(name, held):
     assert not estimates(
         name, estimator_scene.environment(np.zeros((4, 8, 3))), held, copies=2
     ).any()
 
 
-@pytest.mark.parametrize("name", sorted(ESTIMATORS))
+@pytest.mark.parametrize("name", [*sorted(UNBIASED), *FIXED])
 def test_a_map_of_one_pixel_gives_numbers(name, held):
     radiance = np.zeros((32, 64, 3))
     radiance[5, 20] = 1e4
