@@ -26,7 +26,8 @@ from render.live.following import parse_address
 LIVE = [sys.executable, "-c", "from render.main import main; main()", "live"]
 RECORDING = Path(__file__).resolve().parents[2] / "recordings" / "outdoor"
 VIEWERS = (1, 10)
-SETTLING_S, MEASURED_S = 1.5, 5.0
+SETTLING_S = 1.5
+MOMENTS = 100
 TRACING_S = 300.0
 """Within which the view has to be traced; kernels may have to be compiled first."""
 
@@ -83,7 +84,8 @@ async def measured(address: str, pid: int, count: int) -> dict[str, float]:
     async with Watching(address, count) as watching:
         await asyncio.sleep(SETTLING_S)
         begin = processor_s(pid), _moments(watching), watching.messages, time.monotonic()
-        await asyncio.sleep(MEASURED_S)
+        while _moments(watching) < begin[1] + MOMENTS:
+            await asyncio.sleep(0.02)
         end = processor_s(pid), _moments(watching), watching.messages, time.monotonic()
     spent_s, moments, messages, elapsed_s = (b - a for a, b in zip(begin, end, strict=True))
     return {

@@ -18,7 +18,7 @@ from capture.v4l2.camera import CameraRequest
 from lighting.light_files import read_lights
 from lighting.maps.environment_files import read_environment
 from render.live import running
-from render.live.desk import Desk
+from render.live.desk import Desk, State
 from render.live.models import load_models
 from render.live.picture import LivePicture
 from render.live.results import Results
@@ -202,6 +202,17 @@ def test_while_the_camera_is_away_the_last_lights_stay_and_age(recording):
     assert "unplugged" in ran.moments[2].state.message
 
 
+def test_a_session_that_begins_without_its_camera_shows_what_was_seen_before(recording):
+    earlier = run(recording, 1).moments[0].seen
+    desk = Desk(Settings(count=5), MODELS)
+    desk.publish(State("no-camera"), earlier, 2.0, {})
+    source = Source(recording, 1, lambda _: None, {0: CameraAway("away", 3.0)})
+    calibration = read_calibration(recording.calibration_path)
+    LiveSession(desk, source, calibration, 32, None, lambda *_: None).run()
+    assert desk.newest.seen is earlier
+    assert desk.newest.age_s >= 2.0
+
+
 def test_all_clipped_is_a_state_and_so_is_darkness(tmp_path):
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
@@ -272,10 +283,10 @@ def test_a_result_that_cannot_be_written_is_told_and_the_session_goes_on(recordi
     assert said == [desk.notice.text]
 
 
-@pytest.mark.parametrize("limit", [2000, 9500])
+@pytest.mark.parametrize("limit", [2000, 9500, 9750])
 def test_a_full_disk_ends_a_recording_and_not_the_session(recording, tmp_path, limit):
     # A limit on the size of a file fails as a full disk does. A frame has 9.4 kB: under the smaller
-    # limit none fits, under the larger the journal is full after some.
+    # limit none fits, under the others the journal is full after some, once in mid-bracket.
     desk, said = Desk(Settings(count=5), MODELS), []
     seen, bracket = run(recording, 1).moments[0].seen, recording.read_bracket(0)
     older = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -426,9 +437,13 @@ def test_what_was_counted_before_a_camera_was_lost_is_not_forgotten(recording, m
 
     monkeypatch.setattr(Recording, "read_bracket", lost_once)
     longer = make_recording(recording.folder.parent / "longer", brackets=5)
+    moments = []
+    desk.listen(lambda: moments.append(desk.newest))
     counters = run_live(live_request(longer.folder), desk, None, Stop(), is_patient=True)
     assert counters.captured == 3 + 5
     assert counters.captured - 1 <= counters.replaced + counters.rendered <= counters.captured
+    first = next(number for number, moment in enumerate(moments) if moment.seen)
+    assert all(moment.seen for moment in moments[first:]), "what was seen stays meanwhile"
 
 
 def test_a_lost_camera_ends_the_session_with_its_error(recording):
