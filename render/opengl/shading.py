@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from render.lights.discs import irradiance_curves
 from render.opengl.context import load_program, release, set_uniforms
 from render.opengl.gbuffer import GBuffer
-from render.opengl.shadows import ShadowAtlas, texel_width, world_to_tile
+from render.opengl.shadows import ShadowAtlas, texel_width
 
 Array = NDArray[np.float64]
 
@@ -87,8 +87,10 @@ class LightPass:
             texel_m=texel_width(atlas.radius_m, atlas.tile_px),
             tile_px=float(atlas.tile_px),
         )
-        rows = world_to_tile(directions, atlas.centre, atlas.radius_m, atlas.tile_px)
-        packed = pack_lights(rows, directions, irradiance, radius_rad, atlas.tiles(len(rows)))
+        count = len(directions)
+        packed = pack_lights(
+            atlas.rows(count), directions, irradiance, radius_rad, atlas.tiles(count)
+        )
         for unit, (_, texture) in enumerate(self._textures):
             texture.use(unit)
         atlas.texture.use(len(self._textures))

@@ -19,6 +19,7 @@ from render.scenes.casters import Casters
 ATLAS_SIDE_PX = 4096
 SMALLEST_TILE_PX = 128
 _BORDER_TEXELS = 2  # free of casters on each side of a tile
+_TILE_BYTES = (3 * 4 + 2) * 4
 
 
 def tile_size(light_count: int, side_px: int, largest_px: int) -> int:
@@ -73,12 +74,21 @@ def texel_width(radius_m: float, size_px: int) -> float:
 
 
 class ShadowAtlas:
-    """A depth texture with a tile per light, redrawn only for lights whose direction changed.
+    """A depth texture with a tile per light, redrawn only for lights that turned by so much.
 
-    A light's tile depends on its place in the list and on the number of lights alone, not on what
-    was drawn before: the same lights give the same bits.
+    A map holds while at the edge of the casters' sphere its light is off by less than half a texel.
+    A light's tile depends on its place in the list and on the number of lights alone.
 
     Owns GL objects; the context that made them must be current.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+    casters : Casters
+    side_px : int
+        Width of the atlas.
+    largest_px : int
+        Of a tile; it is smaller where more lights have to fit.
     """
 
     def __init__(
@@ -90,9 +100,10 @@ class ShadowAtlas:
         self._context = context
         self._program = load_program(context, "depth.vert", "depth.frag")
         self._positions = context.buffer(casters.positions.tobytes() or bytes(4))
+        self.side_px = min(side_px, context.info["GL_MAX_TEXTURE_SIZE"])
+        self._tiles = context.buffer(reserve=self.capacity * _TILE_BYTES)
         self._closed = self._vertex_array(casters.closed_faces)
         self._open = self._vertex_array(casters.open_faces)
-        self.side_px = min(side_px, context.info["GL_MAX_TEXTURE_SIZE"])
         self.texture = context.depth_texture((self.side_px, self.side_px))
         self.texture.compare_func = ""
         self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
@@ -106,28 +117,38 @@ class ShadowAtlas:
         """Most lights that the atlas holds at once."""
         return (self.side_px // SMALLEST_TILE_PX) ** 2
 
-    def draw(self, directions: NDArray[np.float64]) -> int:
-        """Make the maps of up to `capacity` lights current; return how many had to be drawn."""
+    def draw(
+        self,
+        directions: NDArray[np.float64],
+        weights: NDArray[np.float64] | None = None,
+        most: int | None = None,
+    ) -> int:
+        """Make the maps of up to `capacity` lights current; return how many had to be drawn.
+
+        Parameters
+        ----------
+        directions : (K, 3) float64
+        weights : (K,) float64 or None
+            With `most`: how much each light matters; of those that turned, the maps with the
+            largest product of weight and angle are drawn.
+        most : int or None
+            How many that are there already are drawn anew at most.
+        """
         self._lay_out(len(directions))
-        changed = np.flatnonzero(np.any(self._drawn[: len(directions)] != directions, axis=1))
-        rows = world_to_tile(directions[changed], self.centre, self.radius_m, self.tile_px)
-        origins = self._tile_origins(len(directions))[changed]
-        self._framebuffer.use()
-        self._context.enable_only(moderngl.DEPTH_TEST)
-        for (x, y), light_rows in zip(origins, rows, strict=True):
-            viewport = (int(x), int(y), self.tile_px, self.tile_px)
-            self._framebuffer.viewport = viewport
-            self._framebuffer.clear(depth=1.0, viewport=viewport)
-            row_u, row_v, row_depth = light_rows
-            set_uniforms(self._program, row_u=row_u, row_v=row_v, row_depth=row_depth)
-            if self._closed is not None:
-                self._context.enable(moderngl.CULL_FACE)
-                self._closed.render()
-            if self._open is not None:
-                self._context.disable(moderngl.CULL_FACE)
-                self._open.render()
+        turned = np.linalg.norm(directions - self._drawn[: len(directions)], axis=1)
+        is_new = np.isnan(turned)
+        changed = np.flatnonzero(is_new | (turned > 1 / (self.tile_px - 2 * _BORDER_TEXELS)))
+        if most is not None:
+            matters = np.where(is_new, np.inf, turned if weights is None else weights * turned)
+            changed = changed[np.argsort(-matters[changed], kind="stable")]
+            changed = np.sort(changed[: np.count_nonzero(is_new) + most])
         self._drawn[changed] = directions[changed]
+        self._draw_tiles(changed)
         return len(changed)
+
+    def rows(self, count: int) -> NDArray[np.float64]:
+        """Return what maps the world to the first `count` maps, as `world_to_tile`."""
+        return world_to_tile(self._drawn[:count], self.centre, self.radius_m, self.tile_px)
 
     def tiles(self, count: int) -> NDArray[np.float64]:
         """Origin (x, y) and width of the first `count` tiles in texture coordinates, (count, 3)."""
@@ -143,15 +164,39 @@ class ShadowAtlas:
             self._closed,
             self._open,
             self._positions,
+            self._tiles,
             self._program,
         )
+
+    def _draw_tiles(self, changed: NDArray[np.intp]) -> None:
+        if len(changed) == 0:
+            return
+        origins = self._tile_origins(len(self._drawn))[changed]
+        rows = world_to_tile(self._drawn[changed], self.centre, self.radius_m, self.tile_px)
+        instances = np.column_stack([rows.reshape(-1, 12), origins / self.side_px])
+        self._tiles.write(instances.astype(np.float32).tobytes())
+        set_uniforms(self._program, tile_share=self.tile_px / self.side_px)
+        self._framebuffer.use()
+        for x, y in origins:
+            self._framebuffer.clear(
+                depth=1.0, viewport=(int(x), int(y), self.tile_px, self.tile_px)
+            )
+        if self._closed is not None:
+            self._context.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+            self._closed.render(instances=len(changed))
+        if self._open is not None:
+            self._context.enable_only(moderngl.DEPTH_TEST)
+            self._open.render(instances=len(changed))
 
     def _vertex_array(self, faces: NDArray[np.int32]) -> moderngl.VertexArray | None:
         if len(faces) == 0:
             return None
         return self._context.vertex_array(
             self._program,
-            [(self._positions, "3f", "position")],
+            [
+                (self._positions, "3f", "position"),
+                (self._tiles, "4f 4f 4f 2f /i", "row_u", "row_v", "row_depth", "origin"),
+            ],
             index_buffer=self._context.buffer(faces.tobytes()),
         )
 

@@ -89,6 +89,50 @@ def test_only_lights_that_moved_are_drawn_again(ctx):
     atlas.release()
 
 
+def turned(directions, texels, atlas):
+    """Directions turned so that the rim of the casters' sphere is off by so many texels."""
+    axis = np.cross(directions, [0.3, 0.2, 0.9])
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    angle = texels * texel_width(1.0, atlas.tile_px)
+    return np.cos(angle) * directions + np.sin(angle) * np.cross(axis, directions)
+
+
+@pytest.mark.gl
+def test_a_map_holds_for_half_a_texel(ctx):
+    atlas = ShadowAtlas(ctx, gather_casters([sphere((0, 1, 0), 1.0, Material(), 8)]), 1024, 128)
+    directions = random_lights(3, seed=4).directions
+    atlas.draw(directions)
+    before = atlas.rows(3)
+    assert atlas.draw(turned(directions, 0.49, atlas)) == 0
+    assert_array_equal(atlas.rows(3), before)  # looked up in as it was drawn
+    assert atlas.draw(turned(directions, 0.51, atlas)) == 3
+    assert np.abs(atlas.rows(3) - before).max() > 1e-4
+    atlas.release()
+
+
+@pytest.mark.gl
+def test_of_maps_that_turned_those_that_matter_are_drawn(ctx):
+    atlas = ShadowAtlas(ctx, gather_casters([sphere((0, 1, 0), 1.0, Material(), 8)]), 1024, 128)
+    directions = random_lights(4, seed=5).directions
+    assert atlas.draw(directions, most=0) == 4  # not there yet
+    texels = np.array([[8.0], [4.0], [2.0], [1.0]])
+    wanted = turned(directions, texels, atlas)
+    weights = np.array([1.0, 1.0, 5.0, 1.0])
+    assert atlas.draw(wanted, weights, most=2) == 2
+    assert_allclose(atlas.rows(4)[:, 2, :3], old_or_new(atlas, directions, wanted, [0, 2]))
+    # What waits is drawn in its turn.
+    assert atlas.draw(wanted, weights, most=2) == 2
+    assert atlas.draw(wanted, weights, most=2) == 0
+    atlas.release()
+
+
+def old_or_new(atlas, old, new, drawn):
+    """Rows of depth of maps of which only those in `drawn` are new."""
+    shown = old.copy()
+    shown[drawn] = new[drawn]
+    return world_to_tile(shown, atlas.centre, atlas.radius_m, atlas.tile_px)[:, 2, :3]
+
+
 @pytest.mark.gl
 def test_leaving_out_faces_turned_away_changes_no_map(ctx):
     closed = sphere((0, 0, 0), 1.0, Material(), 16)
