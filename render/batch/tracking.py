@@ -31,7 +31,8 @@ from typing import Any, NamedTuple, Protocol
 from uuid import uuid4
 
 import numba
-from distributed import Client, Future, KilledWorker, get_worker, secede
+from distributed import CancelledError, Client, Future, KilledWorker, get_worker, secede
+from distributed.comm.core import CommClosedError
 
 from capture.errors import FishlightError
 from render.batch.attempts import MOST_ATTEMPTS
@@ -99,6 +100,7 @@ class _RunInFlight:
     is_prepared: bool = False
     follows: tuple[str, Path | None] | None = None
     lit: Future[Any] | None = None
+    preview: Future[Any] | None = None
     record: RunRecord | None = None
 
 
@@ -153,24 +155,33 @@ class Tracker:
         FishlightError
             If the scheduler is lost.
         """
-        while True:
-            self._look()
-            self._deal_out(sequences)
-            if not self._in_flight:
-                return
-            with suppress(Empty):
-                run, future = self._done.get(timeout=_LOOK_S)
-                if future.key == run.awaited:
-                    self._go_on(run, future)
+        try:
+            while True:
+                self._look()
+                self._deal_out(sequences)
+                if not self._in_flight:
+                    return
+                with suppress(Empty):
+                    run, future = self._done.get(timeout=_LOOK_S)
+                    if future.key == run.awaited:
+                        self._go_on(run, future)
+        except (CommClosedError, CancelledError) as error:
+            raise FishlightError(
+                f"the scheduler is gone ({error}); what is done is kept, and the batch can be "
+                "started again to go on"
+            ) from None
 
     def _look(self) -> None:
         """Find out from time to time which workers there are, and which runs were with others."""
         if self._threads and time.monotonic() - self._looked_s < _LOOK_S:
             return
-        self._threads = self._client.nthreads()
-        while not self._threads and not self._in_flight:
-            self._client.wait_for_workers(1)
+        try:
             self._threads = self._client.nthreads()
+            while not self._threads and not self._in_flight:
+                self._client.wait_for_workers(1)
+                self._threads = self._client.nthreads()
+        except OSError as error:
+            raise CommClosedError(str(error)) from error
         self._looked_s = time.monotonic()
         for run in list(self._in_flight):
             if run.worker and run.worker not in self._threads:
@@ -254,9 +265,7 @@ class Tracker:
 
     def _go_on(self, run: _RunInFlight, future: Future[Any]) -> None:
         if future.cancelled():
-            raise FishlightError(
-                "the scheduler is gone; what is done is kept, start the batch again to go on"
-            )
+            raise CancelledError(future.key)
         error = future.exception()
         if isinstance(error, KilledWorker):
             self._lose(run, error)
@@ -282,13 +291,9 @@ class Tracker:
             if queue.runs and queue.runs[0].is_prepared:
                 self._light(queue.runs[0])
         if lit.lights:
-            self._submit(
-                run,
-                self._steps.preview,
-                queue.sequence.job,
-                run.prepared,
-                run.lit,
-                priority=_PREVIEW_NEXT,
+            step, job = self._steps.preview, queue.sequence.job
+            run.preview = self._submit(
+                run, step, job, run.prepared, run.lit, priority=_PREVIEW_NEXT
             )
         else:
             self._finish(run)

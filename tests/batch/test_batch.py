@@ -215,6 +215,24 @@ def test_an_index_that_cannot_be_written_ends_in_a_summary_too(batch, sky, tmp_p
     assert len(read_sequence_table(tmp_path / INDEX_NAME)) == FRAMES
 
 
+def test_a_scheduler_that_goes_away_ends_in_a_summary_too(batch, sky, expected, tmp_path):
+    with LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0"
+    ) as cluster:
+        summary = run_batch(
+            [sky],
+            tmp_path,
+            SETTINGS,
+            scheduler=cluster.scheduler_address,
+            run_length=3,
+            on_frames=lambda *_: cluster.close(),
+        )
+    assert summary.made == 3
+    assert "the scheduler is gone" in summary.reasons[0]
+    assert batch(sky, output=tmp_path).kept == 3
+    assert results(tmp_path, sky) == expected
+
+
 def test_a_frame_that_fails_for_no_known_reason_is_tried_three_times(
     batch, sky, tmp_path, monkeypatch
 ):
