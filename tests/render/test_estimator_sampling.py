@@ -18,9 +18,11 @@ from render.estimators.map_blocks import add_up_levels, map_blocks, start, warp
 from render.estimators.map_tables import draw_from_map, map_tables
 from render.estimators.multiple_importance import BALANCE, POWER, allocation, weight
 from render.estimators.points import hammersley, net
-from render.reference.surfaces import NORMAL
+from render.estimators.shading import CARRIED, FIELDS, TOWARD, reflect
+from render.reference.surfaces import NORMAL, TO_EYE
 from tests.chi2 import chi_square_p_value
 from tests.render import estimator_scene
+from tests.render.brute_force import reflectance
 
 COUNT = 1 << 13
 ROWS = 8
@@ -205,6 +207,27 @@ def test_every_way_with_a_share_draws(samples, share):
     assert abs(by_light - samples * share) <= 1
     if samples > 1 and 0 < share < 1:
         assert 0 < by_light < samples
+
+
+def test_directions_carry_what_the_textbook_reflects():
+    surface = estimator_scene.packet()[0]
+    rng = np.random.default_rng(10)
+    light = np.zeros((FIELDS, 16), np.float32)
+    for _ in range(20):
+        toward = rng.normal(size=(3, 16))
+        light[TOWARD : TOWARD + 3] = toward / np.linalg.norm(toward, axis=0)
+        light[CARRIED : CARRIED + 3] = np.array([[1.0], [2.0], [3.0]])
+        with estimator_scene.occluders() as held:
+            shadows = estimator_scene.setting(estimator_scene.uneven_map(), held).shadows
+        reflect(shadows, surface, light)
+        for i in range(15):
+            normal, eye = surface[NORMAL : NORMAL + 3, i], surface[TO_EYE : TO_EYE + 3, i]
+            f = reflectance(estimator_scene.MATERIALS[i % 3], normal, eye, light[:3, i])
+            cosine = max(float(normal @ light[:3, i]), 0.0)
+            np.testing.assert_allclose(
+                light[CARRIED : CARRIED + 3, i], f * cosine * [1, 2, 3], rtol=2e-3, atol=1e-6
+            )
+        assert not light[CARRIED:, 15].any()
 
 
 @pytest.mark.parametrize("points", [net(64), hammersley(64)])
