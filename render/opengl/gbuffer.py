@@ -1,4 +1,4 @@
-"""The G-buffer: what is seen through each pixel, drawn once per scene and camera.
+"""The G-buffer: what is seen through each pixel, drawn anew when the camera moves.
 
 Output : five float textures: position and hit, shading normal and roughness, face normal and f90,
          diffuse reflectance, f0 (render/opengl/shaders/gbuffer.frag).
@@ -6,6 +6,7 @@ Cost   : about 11 ms at 640×480 on llvmpipe.
 """
 
 import math
+from typing import Any, NamedTuple
 
 import moderngl
 import numpy as np
@@ -26,38 +27,62 @@ _GROUND_SIDES = 256
 
 
 class GBuffer:
-    """Float textures of a scene seen by a camera; (name, texture) pairs in `textures`."""
+    """Float textures of a scene seen by a camera; (name, texture) pairs in `textures`.
 
-    names = _TARGETS
+    Owns GL objects; the context that made them must be current.
+    """
 
     def __init__(
-        self,
-        context: moderngl.Context,
-        scene: Scene,
-        camera: Camera,
-        size_px: tuple[int, int],
+        self, context: moderngl.Context, scene: Scene, camera: Camera, size_px: tuple[int, int]
     ) -> None:
         self._context = context
         self.size_px = size_px
         self.textures = tuple((name, context.texture(size_px, 4, dtype="f4")) for name in _TARGETS)
         for _, texture in self.textures:
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        near_m, far_m = _depth_range(scene, camera)
-        program = load_program(context, "gbuffer.vert", "gbuffer.frag")
+        self._depth = context.depth_renderbuffer(size_px)
+        self._framebuffer = context.framebuffer([each for _, each in self.textures], self._depth)
+        self._program = load_program(context, "gbuffer.vert", "gbuffer.frag")
+        self._points = np.concatenate([mesh.positions for mesh in _all_meshes(scene)])
+        self._meshes = [_upload(context, self._program, mesh) for mesh in _all_meshes(scene)]
+        self.draw(camera)
+
+    def draw(self, camera: Camera) -> None:
+        """Draw what `camera` sees."""
+        near_m, far_m = _depth_range(self._points, camera)
         clip = camera.world_to_clip(near_m, far_m)
-        set_uniforms(program, world_to_clip=clip.T, eye=camera.eye)
-        depth = context.depth_renderbuffer(size_px)
-        framebuffer = context.framebuffer([texture for _, texture in self.textures], depth)
-        framebuffer.use()
-        framebuffer.clear()
-        context.enable_only(moderngl.DEPTH_TEST)
-        for mesh in _all_meshes(scene):
-            _draw(context, program, mesh)
-        release(context, framebuffer, depth, program)
+        set_uniforms(self._program, world_to_clip=clip.T, eye=camera.eye)
+        self._framebuffer.use()
+        self._framebuffer.clear()
+        self._context.enable_only(moderngl.DEPTH_TEST)
+        for mesh in self._meshes:
+            set_uniforms(self._program, **mesh.factors)
+            for unit, (name, texture) in enumerate(mesh.textures.items()):
+                set_uniforms(self._program, **{name: unit})
+                texture.use(unit)
+            mesh.array.render()
 
     def release(self) -> None:
         """Free the GL objects."""
-        release(self._context, *(texture for _, texture in self.textures))
+        uploaded = [
+            item for mesh in self._meshes for item in (*mesh.textures.values(), *mesh.buffers)
+        ]
+        release(
+            self._context,
+            self._framebuffer,
+            self._depth,
+            *(texture for _, texture in self.textures),
+            *(mesh.array for mesh in self._meshes),
+            *uploaded,
+            self._program,
+        )
+
+
+class _DrawnMesh(NamedTuple):
+    array: moderngl.VertexArray
+    buffers: tuple[moderngl.Buffer, ...]
+    textures: dict[str, moderngl.Texture]
+    factors: dict[str, Any]
 
 
 def _all_meshes(scene: Scene) -> tuple[Mesh, ...]:
@@ -79,14 +104,13 @@ def disc(ground: Ground) -> Mesh:
     )
 
 
-def _depth_range(scene: Scene, camera: Camera) -> tuple[float, float]:
+def _depth_range(points: NDArray[np.float32], camera: Camera) -> tuple[float, float]:
     """Near and far plane in m: 1 % of the way to the target, and the farthest point."""
-    points = np.concatenate([mesh.positions for mesh in _all_meshes(scene)])
     far_m = float(np.linalg.norm(points - camera.eye, axis=1).max())
     return 0.01 * float(np.linalg.norm(camera.target - camera.eye)), 1.01 * far_m
 
 
-def _draw(context: moderngl.Context, program: moderngl.Program, mesh: Mesh) -> None:
+def _upload(context: moderngl.Context, program: moderngl.Program, mesh: Mesh) -> _DrawnMesh:
     material = mesh.material
     count = len(mesh.positions)
     coordinates = mesh.texture_coordinates
@@ -106,23 +130,13 @@ def _draw(context: moderngl.Context, program: moderngl.Program, mesh: Mesh) -> N
         [(buffer, "3f 3f 2f 3f", "position", "normal", "texture_coordinate", "vertex_colour")],
         index_buffer=indices,
     )
-    set_uniforms(
-        program,
-        base_colour=material.base_colour,
-        roughness=material.roughness,
-        metalness=material.metalness,
-        specular=material.specular,
-    )
-    textures = _textures(context, material)
-    for unit, (name, texture) in enumerate(textures.items()):
-        set_uniforms(program, **{name: unit})
-        texture.use(unit)
-    array.render()
-    for texture in textures.values():
-        texture.release()
-    array.release()
-    buffer.release()
-    indices.release()
+    factors = {
+        "base_colour": material.base_colour,
+        "roughness": material.roughness,
+        "metalness": material.metalness,
+        "specular": material.specular,
+    }
+    return _DrawnMesh(array, (buffer, indices), _textures(context, material), factors)
 
 
 def _textures(context: moderngl.Context, material: Material) -> dict[str, moderngl.Texture]:

@@ -9,6 +9,8 @@ Fails  : only light that comes straight from the lights is there. A mirror shows
          estimates (tests/limits/test_render_soft_shadows.py).
 """
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from types import TracebackType
 from typing import Self
 
@@ -40,7 +42,11 @@ INTERLEAVING = 4
 """n of n × n samples that share the looking at the other lights."""
 
 MAX_SAMPLES = 2**26
-"""Samples of a picture, each of which takes 112 bytes: 4096 × 4096 pixels of 2 × 2."""
+"""Samples of a picture, each of which takes 116 bytes: 4096 × 4096 pixels of 2 × 2."""
+
+
+Array = NDArray[np.float64]
+Timed = Callable[[str], AbstractContextManager[object]]
 
 
 class Renderer:
@@ -59,6 +65,13 @@ class Renderer:
     interleaving : int
         4: of 4 × 4 samples each looks whether it sees a sixteenth of the lights that are no key
         lights, and takes over from its neighbours what they saw; 1: each looks at all lights.
+    map_px : int
+        Largest shadow map of a light that is no key light.
+
+    Attributes
+    ----------
+    framebuffer : moderngl.Framebuffer
+        Four float32 for each sample of what `draw` drew, rows from the bottom.
     """
 
     def __init__(
@@ -68,6 +81,7 @@ class Renderer:
         camera: Camera,
         samples_per_axis: int = 1,
         interleaving: int = INTERLEAVING,
+        map_px: int = LARGEST_MAP_PX,
     ) -> None:
         if samples_per_axis < 1:
             raise InputError(f"a pixel needs at least one sample, got {samples_per_axis} per axis")
@@ -85,10 +99,10 @@ class Renderer:
         self._gbuffer = GBuffer(context, scene, camera, (width, height))
         self._casters = gather_casters(scene.meshes)
         self._key_atlas = ShadowAtlas(context, self._casters, ATLAS_SIDE_PX, KEY_MAP_PX)
-        self._atlas = ShadowAtlas(context, self._casters, ATLAS_SIDE_PX, LARGEST_MAP_PX)
+        self._atlas = ShadowAtlas(context, self._casters, ATLAS_SIDE_PX, map_px)
         self._dome_atlas: ShadowAtlas | None = None
         self._sum = context.texture((width, height), 4, dtype="f4")
-        self._framebuffer = context.framebuffer([self._sum])
+        self.framebuffer = context.framebuffer([self._sum])
         self._background_program = load_program(context, "screen.vert", "background.frag")
         self._background = context.vertex_array(self._background_program, [])
         self._full = LightPass(context, self._gbuffer, camera.eye, 1)
@@ -97,7 +111,8 @@ class Renderer:
             LightPass(context, self._gbuffer, camera.eye, interleaving) if is_shared else self._full
         )
         self._environment = context.texture((1, 1), 3, bytes(12), dtype="f4")
-        self._wire_up()
+        set_uniforms(self._background_program, position_hit=0, environment=1)
+        self._aim_background()
 
     def __enter__(self) -> Self:
         return self
@@ -109,6 +124,18 @@ class Renderer:
         traceback: TracebackType | None,
     ) -> None:
         self.release()
+
+    def look_from(self, camera: Camera) -> None:
+        """Draw from another camera from now on, whose pictures have the same size."""
+        if camera.size_px != self._camera.size_px:
+            raise InputError(
+                f"pictures of {self._camera.size_px} pixels cannot become ones of {camera.size_px}"
+            )
+        self._camera = camera
+        self._gbuffer.draw(camera)
+        for light_pass in {self._full, self._shared}:
+            light_pass.look_from(camera.eye)
+        self._aim_background()
 
     def render(
         self, lights: LightSet, background: EnvironmentMap | None = None
@@ -128,25 +155,55 @@ class Renderer:
             Linear Rec.709 radiance toward the camera, rows from the top, in the lights' scale;
             alpha is the share of the pixel that the scene covers.
         """
-        self._draw_background(background)
+        self.draw(lights, background)
+        return self.as_picture(self.framebuffer.read(components=4, dtype="f4"))
+
+    def draw(
+        self,
+        lights: LightSet,
+        background: EnvironmentMap | None = None,
+        *,
+        most_maps: int | None = None,
+        timed: Timed = nullcontext,
+    ) -> None:
+        """Draw the samples of the picture under `lights` to `framebuffer`.
+
+        Parameters
+        ----------
+        lights, background
+            As in `render`.
+        most_maps : int or None
+            Most shadow maps to draw anew of those that turned, of key lights and of others each.
+        timed : callable
+            Given the name of a part, returns a context manager around it.
+        """
+        with timed("background"):
+            self._draw_background(background)
         directions, irradiance, radius_rad = reaching_lights(lights, self._scene)
         is_key = np.zeros(len(directions), bool)
         is_key[np.argsort(-(irradiance @ LUMINANCE_WEIGHTS), kind="stable")[:KEY_LIGHTS]] = True
-        for light_pass, atlas, part in (
+        sets = [
             (self._full, self._key_atlas, is_key),
             (self._shared, self._atlas, ~is_key),
-        ):
-            self._add_lights(
-                light_pass, atlas, directions[part], irradiance[part], radius_rad[part]
-            )
+        ]
+        for light_pass, atlas, part in sets:
+            parts = directions[part], irradiance[part], radius_rad[part]
+            self._add_lights(light_pass, atlas, parts, most_maps, timed)
         if lights.fill.any():
             dome = dome_lights(lights.fill, upper_only=self._scene.ground is not None)
             # An atlas of its own: lights that come and go would displace the dome's maps.
             self._dome_atlas = self._dome_atlas or ShadowAtlas(
                 self._context, self._casters, DOME_ATLAS_SIDE_PX, LARGEST_MAP_PX
             )
-            self._add_lights(self._shared, self._dome_atlas, *dome)
-        return self._read()
+            self._add_lights(self._shared, self._dome_atlas, dome, None, timed)
+
+    def as_picture(self, samples: bytes) -> NDArray[np.float32]:
+        """Return the picture whose samples were read from `framebuffer`, (H, W, 4) float32."""
+        width, height = self._camera.size_px
+        n = self._samples_per_axis
+        shaped = np.frombuffer(samples, np.float32).reshape(height, n, width, n, 4)
+        picture = shaped[:, 0, :, 0] if n == 1 else shaped.mean(axis=(1, 3), dtype=np.float32)
+        return np.ascontiguousarray(picture[::-1])
 
     def release(self) -> None:
         """Free the GL objects; the context stays."""
@@ -158,19 +215,18 @@ class Renderer:
                 atlas.release()
         release(
             self._context,
-            self._framebuffer,
+            self.framebuffer,
             self._sum,
             self._background,
             self._background_program,
             self._environment,
         )
 
-    def _wire_up(self) -> None:
-        """Give the background's program what stays the same for every picture."""
+    def _aim_background(self) -> None:
         across, up = self._camera.half_extent()
         # What one unit of ndc.x, of ndc.y and of 1 adds to the direction.
         columns = self._camera.axes() * [[across], [up], [-1.0]]
-        set_uniforms(self._background_program, position_hit=0, environment=1, ray=columns)
+        set_uniforms(self._background_program, ray=columns)
 
     def _draw_background(self, background: EnvironmentMap | None) -> None:
         size = (1, 1) if background is None else (2 * background.height, background.height)
@@ -181,7 +237,7 @@ class Renderer:
         self._environment.write(
             bytes(12) if background is None else np.ascontiguousarray(background.radiance)
         )
-        self._framebuffer.use()
+        self.framebuffer.use()
         self._context.enable_only(moderngl.NOTHING)
         self._gbuffer.textures[0][1].use(0)
         self._environment.use(1)
@@ -191,21 +247,15 @@ class Renderer:
         self,
         light_pass: LightPass,
         atlas: ShadowAtlas,
-        directions: NDArray[np.float64],
-        irradiance: NDArray[np.float64],
-        radius_rad: NDArray[np.float64],
+        lights: tuple[Array, Array, Array],
+        most_maps: int | None,
+        timed: Timed,
     ) -> None:
-        for first in range(0, len(directions), atlas.capacity):
-            part = slice(first, first + atlas.capacity)
-            atlas.draw(directions[part])
-            light_pass.add(
-                self._framebuffer, atlas, directions[part], irradiance[part], radius_rad[part]
+        for first in range(0, len(lights[0]), atlas.capacity):
+            directions, irradiance, radius_rad = (
+                each[first : first + atlas.capacity] for each in lights
             )
-
-    def _read(self) -> NDArray[np.float32]:
-        width, height = self._camera.size_px
-        n = self._samples_per_axis
-        raw = self._framebuffer.read(components=4, dtype="f4")
-        samples = np.frombuffer(raw, np.float32).reshape(height, n, width, n, 4)
-        picture = samples[:, 0, :, 0] if n == 1 else samples.mean(axis=(1, 3), dtype=np.float32)
-        return np.ascontiguousarray(picture[::-1])
+            with timed("shadow maps"):
+                atlas.draw(directions, irradiance @ LUMINANCE_WEIGHTS, most_maps)
+            with timed("lights"):
+                light_pass.add(self.framebuffer, atlas, directions, irradiance, radius_rad)

@@ -62,16 +62,23 @@ class LightPass:
         self._see = context.vertex_array(self._see_program, [])
         self._shade = context.vertex_array(self._shade_program, [])
         self._textures = [*gbuffer.textures, ("visible", self._visible)]
-        if side > 1:
-            self._textures.append(("same_surface", _same_surface(context, gbuffer)))
+        self._neighbours = _Neighbours(context, gbuffer) if side > 1 else None
+        if self._neighbours is not None:
+            self._textures.append(("same_surface", self._neighbours.same))
         for program in (self._see_program, self._shade_program):
             for unit, (name, _) in enumerate(self._textures):
                 if name in program:
                     set_uniforms(program, **{name: unit})
             lights: Any = program["Lights"]
             lights.binding = 0
-        set_uniforms(self._shade_program, eye=eye)
         set_uniforms(self._see_program, atlas=len(self._textures))
+        self.look_from(eye)
+
+    def look_from(self, eye: Array) -> None:
+        """Take over what the G-buffer holds, now that it was drawn from `eye`."""
+        set_uniforms(self._shade_program, eye=eye)
+        if self._neighbours is not None:
+            self._neighbours.find()
 
     def add(
         self,
@@ -110,11 +117,12 @@ class LightPass:
 
     def release(self) -> None:
         """Free the GL objects."""
-        owned = [texture for name, texture in self._textures if name not in self._gbuffer.names]
+        if self._neighbours is not None:
+            self._neighbours.release()
         release(
             self._context,
             self._seeing,
-            *owned,
+            self._visible,
             self._lights,
             self._see,
             self._see_program,
@@ -123,21 +131,30 @@ class LightPass:
         )
 
 
-def _same_surface(context: moderngl.Context, gbuffer: GBuffer) -> moderngl.Texture:
-    """Return which neighbours of each pixel show its surface, as same_surface.frag has it."""
-    same = context.texture(gbuffer.size_px, 2, dtype="u4")
-    same.filter = (moderngl.NEAREST, moderngl.NEAREST)
-    program = load_program(context, "screen.vert", "same_surface.frag")
-    framebuffer, screen = context.framebuffer([same]), context.vertex_array(program, [])
-    for unit, (name, texture) in enumerate(gbuffer.textures):
-        if name in program:
-            set_uniforms(program, **{name: unit})
+class _Neighbours:
+    """Which neighbours of each pixel show its surface, as same_surface.frag has it: `same`."""
+
+    def __init__(self, context: moderngl.Context, gbuffer: GBuffer) -> None:
+        self._context = context
+        self._gbuffer = gbuffer
+        self.same = context.texture(gbuffer.size_px, 2, dtype="u4")
+        self.same.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._program = load_program(context, "screen.vert", "same_surface.frag")
+        self._framebuffer = context.framebuffer([self.same])
+        self._screen = context.vertex_array(self._program, [])
+        for unit, (name, _) in enumerate(gbuffer.textures):
+            if name in self._program:
+                set_uniforms(self._program, **{name: unit})
+
+    def find(self) -> None:
+        for unit, (_, texture) in enumerate(self._gbuffer.textures):
             texture.use(unit)
-    framebuffer.use()
-    context.enable_only(moderngl.NOTHING)
-    screen.render(moderngl.TRIANGLES, vertices=3)
-    release(context, framebuffer, screen, program)
-    return same
+        self._framebuffer.use()
+        self._context.enable_only(moderngl.NOTHING)
+        self._screen.render(moderngl.TRIANGLES, vertices=3)
+
+    def release(self) -> None:
+        release(self._context, self._framebuffer, self.same, self._screen, self._program)
 
 
 def pack_lights(

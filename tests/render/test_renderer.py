@@ -143,8 +143,8 @@ def test_the_maps_of_the_fill_are_drawn_once(ctx, monkeypatch):
     drawn = []
     draw = ShadowAtlas.draw
 
-    def counted(atlas, directions):
-        drawn.append(draw(atlas, directions))
+    def counted(atlas, *light):
+        drawn.append(draw(atlas, *light))
         return drawn[-1]
 
     monkeypatch.setattr(ShadowAtlas, "draw", counted)
@@ -403,6 +403,26 @@ def test_too_large_a_picture_is_refused_with_the_limit(ctx):
         camera = replace(BALL_CAMERA, size_px=size_px)
         with pytest.raises(InputError, match="{}×{}".format(*size_px)):
             Renderer(ctx, ball_scene(), camera)
+
+
+def test_another_camera_sees_what_a_new_renderer_would(ctx):
+    lights = replace(random_lights(20, seed=14), fill=uniform_fill(0.2))
+    background = EnvironmentMap(
+        np.random.default_rng(0).random((8, 16, 3), np.float32),
+        np.ones((8, 16), bool),
+        np.zeros((8, 16), bool),
+    )
+    other = replace(BALL_CAMERA, eye=np.array([-1.5, 0.8, 2.0]))
+    with Renderer(ctx, ball_scene(rings=12), BALL_CAMERA) as renderer:
+        renderer.render(lights)
+        renderer.look_from(other)
+        moved = renderer.render(lights, background)
+        with pytest.raises(InputError, match="one"):
+            renderer.look_from(replace(other, size_px=(8, 8)))
+    expected = picture(
+        ctx, ball_scene(rings=12), other, lights, background=background, interleaving=INTERLEAVING
+    )
+    assert_array_equal(moved, expected)
 
 
 def test_a_renderer_can_follow_another(ctx):
