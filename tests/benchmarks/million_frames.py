@@ -24,6 +24,9 @@ from render.batch.runs import RUN_LENGTH, Run
 from render.batch.tracking import Steps, Tracker
 
 
+_TELL_EVERY = 50_000
+
+
 @dataclass
 class SleepingSequence:
     """Runs of a recording that is not there, as RecordingSequence hands them out."""
@@ -84,6 +87,9 @@ def simulate_batch(frames: int, recordings: int, slots: int, sleep_s: float) -> 
 
     def on_concluded(record: RunRecord) -> None:
         concluded[0] += len(record.rows)
+        if concluded[0] % _TELL_EVERY < len(record.rows):
+            peak_gib = _peak_bytes() / 2**30
+            print(f"{concluded[0]} frames, peak {peak_gib:.2f} GiB", file=sys.stderr, flush=True)
 
     def on_failed(_sequence: object, error: BaseException) -> None:
         raise error
@@ -105,8 +111,11 @@ def simulate_batch(frames: int, recordings: int, slots: int, sleep_s: float) -> 
     frames -= frames % recordings
     if concluded[0] != frames:
         raise AssertionError(f"{concluded[0]} frames of {frames} were concluded")
-    peak_bytes = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return Simulated(frames, wall_s, cpu_s, peak_bytes)
+    return Simulated(frames, wall_s, cpu_s, _peak_bytes())
+
+
+def _peak_bytes() -> int:
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def _sleep(sleep_s: Any, run: Run) -> Any:
