@@ -23,7 +23,6 @@ from render.batch.frames import LitRun, RunRecord
 from render.batch.runs import RUN_LENGTH, Run
 from render.batch.tracking import Steps, Tracker
 
-
 _TELL_EVERY = 50_000
 
 
