@@ -1,9 +1,10 @@
 """One way to a picture, whatever moves: the renderer is chosen by what changed since the last one.
 
-| scene and camera | light | drawn by | how |
+| scene | camera | drawn by | how |
 |---|---|---|---|
-| stand | moves | `BakedRenderer` | transport traced once, a product per picture |
-| move | moves | `MovingRenderer` | rays for every picture, nothing kept |
+| stands | stands | `BakedRenderer` | transport of each sample traced once, a product per picture |
+| stands | moves | `RoamingRenderer` | transport of points all over the scene, looked up by rays |
+| moves | moves | `MovingRenderer` | rays for every picture, nothing kept |
 
 Input  : a scene, a camera and LightSets, one of each per picture.
 Output : linear radiance, in the lights' scale.
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from render.baked.renderer import BakedRenderer
+from render.baked.roaming import RoamingRenderer
 from render.moving.renderer import MovingRenderer
 from render.scenes.scene import Camera, Scene
 
@@ -32,16 +34,18 @@ class SceneRenderer:
     Parameters
     ----------
     still_pictures : int
-        How many pictures of the same scene and camera are drawn before their transport is traced.
+        How many pictures of what stands are drawn before its transport is traced.
         With 0 it is traced at once: for those who know that nothing will move.
     """
 
     def __init__(self, still_pictures: int) -> None:
         self._still_pictures = still_pictures
         self._moving: MovingRenderer | None = None
+        self._roaming: RoamingRenderer | None = None
         self._baked: BakedRenderer | None = None
-        self._shown: tuple[Scene, Camera] | None = None
-        self._count = 0
+        self._scene: Scene | None = None
+        self._camera: Camera | None = None
+        self._of_scene = self._of_camera = 0  # pictures of them so far
 
     def __enter__(self) -> Self:
         return self
@@ -56,11 +60,10 @@ class SceneRenderer:
 
     def release(self) -> None:
         """Free what the renderers own."""
-        if self._baked is not None:
-            self._baked.release()
-        if self._moving is not None:
-            self._moving.release()
-        self._baked = self._moving = self._shown = None
+        for renderer in (self._baked, self._roaming, self._moving):
+            if renderer is not None:
+                renderer.release()
+        self._baked = self._roaming = self._moving = self._scene = self._camera = None
 
     def render(
         self,
@@ -75,16 +78,28 @@ class SceneRenderer:
 
         A scene or camera stands still while it is the same object.
         """
-        if self._shown is None or scene is not self._shown[0] or camera is not self._shown[1]:
-            self._shown, self._count = (scene, camera), 0
-            if self._baked is not None:
-                self._baked.release()
-                self._baked = None
-        if self._count >= self._still_pictures:
+        self._note(scene, camera)
+        self._of_scene += 1
+        self._of_camera += 1
+        if self._of_camera > self._still_pictures:
             self._baked = self._baked or BakedRenderer(scene, camera)
             return self._baked.render(lights, background, through_ground=through_ground)
-        self._count += 1
+        if self._of_scene > self._still_pictures:
+            self._roaming = self._roaming or RoamingRenderer(scene)
+            return self._roaming.render(camera, lights, background, through_ground=through_ground)
         if self._moving is None:
             self._moving = MovingRenderer(scene, camera)
         self._moving.move(scene, camera)
         return self._moving.render(lights, background, through_ground=through_ground)
+
+    def _note(self, scene: Scene, camera: Camera) -> None:
+        """Free what was traced of another scene or view."""
+        if scene is self._scene and camera is self._camera:
+            return
+        if self._baked is not None:
+            self._baked.release()
+        self._baked, self._camera, self._of_camera = None, camera, 0
+        if scene is not self._scene:
+            if self._roaming is not None:
+                self._roaming.release()
+            self._roaming, self._scene, self._of_scene = None, scene, 0

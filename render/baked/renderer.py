@@ -18,25 +18,18 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.export.residual import remove_lights
 from lighting.light_set import LightSet
-from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
-from lighting.sphere import harmonics
-from render.baked.direction_cells import (
-    direction_cells,
-    disc_points,
-    map_over_cells,
-    spread_over_cells,
-)
+from lighting.maps.environment import EnvironmentMap
+from render.baked.direction_cells import disc_points, map_over_cells
 from render.baked.gloss import ROUGH_ALPHA, add_reflections, trace_gloss
 from render.baked.narrow import NarrowLights
+from render.baked.sky_cells import SkyCells, luminance_of_all
 from render.baked.surface_samples import mirror_tint, surface_samples
 from render.baked.transport import Transport
 from render.baked.transport_kernel import TILE, place, trace_transport
 from render.lights.light_map import map_of_lights
 from render.lights.map_pyramid import map_pyramid
-from render.lights.narrow_lights import PEAK_RAD, narrow_lights
-from render.lights.reaching_lights import reaching_lights
+from render.moving.reflected_map import without_peaks
 from render.moving.shared_rays import DEFAULT_EFFORT, Discs, SharedRays
 from render.rays.background import (
     look_through,
@@ -52,7 +45,6 @@ from render.scenes.scene import Camera, Scene
 
 Array = NDArray[np.float64]
 
-_CELL_RAYS_SIDE = 2  # rays per cell and sample, per axis
 _DISC_RAYS = (4, 16)
 _DISC_RAYS_PER_RAD = 140.0  # 4 for the sun, 16 from a radius of 5° on
 _LEAST_ALPHA = 0.01
@@ -86,10 +78,8 @@ class BakedRenderer:
         self._f0, self._f90 = seen.f0, seen.f90
         self._roughest = self._surface[:, 12].max(axis=1)
         self._mirroring = np.flatnonzero(self._roughest > 0)
-        self._cells = direction_cells(upper_only=scene.ground is not None)
-        self._basis = harmonics.basis(self._cells.points).mean(axis=1)
-        coarse = direction_cells(upper_only=scene.ground is not None, subdivisions=_CELL_RAYS_SIDE)
-        self._sky = self._trace(coarse.points, from_alpha=ROUGH_ALPHA)
+        self._cells = SkyCells(scene)
+        self._sky = self._trace(self._cells.rays, from_alpha=ROUGH_ALPHA)
         self._gloss = trace_gloss(
             occluded16_address(),
             self._traced.address,
@@ -132,55 +122,38 @@ class BakedRenderer:
         shows what the background does there, where that was seen, and carries shadows: objects
         stand in the room.
         """
-        directions, irradiance, radius_rad = reaching_lights(lights, self._scene)
-        narrow = narrow_lights(irradiance, radius_rad, self._cells.width_rad)
-        wide = ~narrow
-        light = spread_over_cells(self._cells, directions[wide], irradiance[wide], radius_rad[wide])
-        light += np.maximum(self._basis @ lights.fill, 0.0) * self._cells.solid_angle_sr
-        ground = self._unshaded(light, directions[narrow], irradiance[narrow])
+        light, narrow = self._cells.split(lights)
+        ground = self._cells.unshaded(light, narrow)
         if through_ground and background is not None:
             background = with_ground(background, ground)
         picture = np.zeros((len(self._surface), 3, TILE), np.float32)
-        of_map, mirrored = np.zeros_like(light), np.zeros_like(irradiance)
+        of_map = np.zeros_like(light)
         if len(self._mirroring):
             shown = map_of_lights(lights, _CELL_ROWS) if background is None else background
-            peaks = narrow & (radius_rad <= PEAK_RAD)
-            of_map, mirrored[peaks] = self._reflect(
-                shown,
-                LightSet(directions[peaks], irradiance[peaks], radius_rad[peaks]),
-                None if through_ground else ground,
-                picture,
+            of_map, narrow = self._reflect(
+                shown, narrow, None if through_ground else ground, picture
             )
         self._sky.add(light, of_map, picture)
-        discs = Discs(directions, irradiance, radius_rad, mirrored).taken(narrow)
-        traced, moving = self._narrow.follow(discs)
+        traced, moving = self._narrow.follow(narrow)
         for index, transport in traced:
-            transport.add(discs.irradiance[[index]], discs.mirrored[[index]], picture)
+            transport.add(narrow.irradiance[[index]], narrow.mirrored[[index]], picture)
         out = self._placed(picture)
         if moving.any():
-            power = float((irradiance.sum(axis=0) + light.sum(axis=0)) @ LUMINANCE_WEIGHTS)
-            self._add_moving(discs.taken(moving), power, out)
+            self._add_moving(narrow.taken(moving), luminance_of_all(light, narrow), out)
         return self._assembled(out, background, ground if through_ground else None)
-
-    def _unshaded(self, light: Array, directions: Array, irradiance: Array) -> NDArray[np.float32]:
-        """Return the radiance (3,) of the ground where nothing shades it."""
-        if self._scene.ground is None:
-            return np.zeros(3, np.float32)
-        upward = self._cells.points[:, :, 1].mean(axis=1) @ light + directions[:, 1] @ irradiance
-        return (upward * self._scene.ground.reflectance / np.pi).astype(np.float32)
 
     def _reflect(
         self,
         environment: EnvironmentMap,
-        peaks: LightSet,
+        narrow: Discs,
         ground: NDArray[np.float32] | None,
         picture: NDArray[np.float32],
-    ) -> tuple[Array, Array]:
+    ) -> tuple[Array, Discs]:
         """Add what smooth samples mirror of a map without its peaks to `picture`, and the ground.
 
-        Returns ∫L dω of each cell, (D, 3), which rough ones mirror, and of each peak, (K, 3).
+        Returns ∫L dω of each cell, (D, 3), which rough ones mirror, and the lights' peaks.
         """
-        rest, of_peaks = remove_lights(environment, peaks)
+        rest, narrow = without_peaks(environment, narrow)
         pyramid = map_pyramid(rest)
         tiles = self._mirroring
         reflections = np.zeros((len(tiles), *picture.shape[1:]), np.float32)
@@ -189,7 +162,7 @@ class BakedRenderer:
         )
         picture[tiles] += reflections
         coarse = pyramid.coarse(_CELL_ROWS)
-        return map_over_cells(coarse, upper_only=self._scene.ground is not None), of_peaks
+        return map_over_cells(coarse, upper_only=self._scene.ground is not None), narrow
 
     def _trace(
         self, points: Array, *, from_alpha: float = 0.0, least_alpha: float = 0.0

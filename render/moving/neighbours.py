@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from render.moving.shadow_rays import LOOSE
 from render.rays.embree import PACKET
-from render.rays.first_hits import FIELDS, KIND, LANES, NORMAL, NOTHING, POSITION, SIDE
+from render.rays.first_hits import FIELDS, GROUND, KIND, LANES, NORMAL, NOTHING, POSITION, SIDE
 
 _FLOATS = NDArray[np.float32]
 _LEAST_AGREEMENT = np.float32(0.9)  # of the normals of one surface at neighbouring pixels
@@ -71,6 +71,9 @@ def compare(
 
     These are a square of pixels `step` apart whose first is (x, y), counted from the tile's first.
     """
+    if _is_all_ground(surfaces, row, x, y, step, side, first, part):
+        like[:] = 1
+        return
     most = (_MOST_OFF_PLANE * pixel_rad) ** 2
     ex, ey, ez = eye[0], eye[1], eye[2]
     for near in range(side * side):
@@ -97,6 +100,23 @@ def compare(
                 & (surfaces[r, q, KIND, at + i] > 0)
             )
             like[near, i] = np.float32(is_like)
+
+
+@njit(nogil=True, error_model="numpy")
+def _is_all_ground(
+    surfaces: _FLOATS, row: int, x: int, y: int, step: int, side: int, first: int, part: _FLOATS
+) -> bool:  # pragma: no cover - compiled
+    """Whether a packet's pixels show the ground, and so do all neighbours that `compare` asks."""
+    for i in range(np.uint64(part.shape[1])):
+        if part[KIND, i] != GROUND:
+            return False
+    others = 0
+    for near in range(side * side):
+        qx, qy = x + near % side * step, y + near // side * step
+        r, q, at = row + (qy >> 2), (qy & 3) * SIDE + (qx & 3), np.uint64(first + (qx >> 2))
+        for i in range(np.uint64(part.shape[1])):
+            others += surfaces[r, q, KIND, at + i] != GROUND
+    return others == 0
 
 
 @njit(nogil=True, error_model="numpy")
@@ -159,11 +179,18 @@ def _soften_row(
             for near in range(9):
                 down, right = near // 3 - 1, near % 3 - 1
                 weight = np.float32((2 - abs(down)) * (2 - abs(right)))
+                beside = visible[row + down, lane, first + right : first + right + PACKET]
+                for i in range(PACKET):
+                    count[i] += weight * like[near, i]
+                if slots - np.uint64(key_count) < np.uint64(4):  # along whichever is longer
+                    for slot in range(np.uint64(key_count), slots):
+                        for i in range(PACKET):
+                            sums[i, slot] += weight * like[near, i] * beside[i, slot]
+                    continue
                 for i in range(PACKET):
                     w = weight * like[near, i]
-                    count[i] += w
                     for slot in range(slots):
-                        sums[i, slot] += w * visible[row + down, lane, first + right + i, slot]
+                        sums[i, slot] += w * beside[i, slot]
             for i in range(PACKET):
                 scale = np.float32(1) / max(count[i], np.float32(1))
                 for slot in range(np.uint64(key_count)):

@@ -8,12 +8,18 @@ Fails  : no object is seen in another; below the horizon a ground is seen as if 
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from lighting.export.residual import remove_lights
+from lighting.light_set import LightSet
+from lighting.maps.environment import EnvironmentMap
 from render.lights.map_pyramid import MapPyramid, mean_around
+from render.lights.narrow_lights import PEAK_RAD, narrow_lights
+from render.moving.shared_rays import Discs
 from render.rays.embree import PACKET, occluded16, occluded16_address, packet
 from render.rays.first_hits import ALPHA2, F0, F90, FACE_NORMAL, GLOSSY, KIND, LANES, NORMAL, SIDE
 from render.rays.lobe import lobe_points, lobe_ray, meets
@@ -36,8 +42,9 @@ def add_reflected_map(
     pyramid: MapPyramid,
     ground: _FLOATS | None,
     picture: _FLOATS,
+    rough_alpha: float = ROUGH_ALPHA,
 ) -> None:
-    """Add what surfaces smoother than ROUGH_ALPHA mirror of a map to `picture` (H, W, 4).
+    """Add what surfaces smoother than `rough_alpha` mirror of a map to `picture` (H, W, 4).
 
     Parameters
     ----------
@@ -53,8 +60,23 @@ def add_reflected_map(
     _add_reflected_map(
         occluded16_address(), traced.address, traced.sphere, traced.offset_m, surfaces,
         eye.astype(np.float32), lobe_points(_RAYS), pyramid.cells, pyramid.starts, radiance,
-        picture,
+        rough_alpha**2, picture,
     )  # fmt: skip
+
+
+def without_peaks(environment: EnvironmentMap, lights: Discs) -> tuple[EnvironmentMap, Discs]:
+    """Return a map without the narrow lights among some, and these with what they had in it.
+
+    Those are mirrored by themselves, all others by the map.
+    """
+    peaks = narrow_lights(lights.irradiance, lights.radius_rad, PEAK_RAD)
+    of = lights.taken(peaks)
+    rest, removed = remove_lights(
+        environment, LightSet(of.directions, of.irradiance, of.radius_rad)
+    )
+    mirrored = np.zeros_like(lights.irradiance)
+    mirrored[peaks] = removed
+    return rest, replace(lights, mirrored=mirrored)
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model="numpy")
@@ -69,6 +91,7 @@ def _add_reflected_map(
     levels: _FLOATS,
     starts: NDArray[np.int64],
     ground: _FLOATS,
+    rough_alpha2: float,
     picture: _FLOATS,
 ) -> None:  # pragma: no cover - compiled
     height, width = picture.shape[:2]
@@ -82,7 +105,7 @@ def _add_reflected_map(
                 continue
             for first in range(1, surfaces.shape[3] - 1, PACKET):
                 seen = surfaces[row, lane, :, first : first + PACKET]
-                if not _load(seen, eye, np.float32(offset_m), part):
+                if not _load(seen, eye, np.float32(offset_m), np.float32(rough_alpha2), part):
                     continue
                 _mirror(
                     function, scene, sphere, part, seen, points, levels, starts, ground, rays,
@@ -97,12 +120,12 @@ def _add_reflected_map(
 
 @njit(nogil=True, error_model="numpy")
 def _load(
-    seen: _FLOATS, eye: _FLOATS, offset_m: np.float32, part: _FLOATS
+    seen: _FLOATS, eye: _FLOATS, offset_m: np.float32, rough_alpha2: np.float32, part: _FLOATS
 ) -> bool:  # pragma: no cover - compiled
     """Set `part` as `lobe_ray` takes it; return whether any surface mirrors."""
     some = False
     for i in range(PACKET):
-        mirrors = seen[KIND, i] == GLOSSY and seen[ALPHA2, i] < np.float32(ROUGH_ALPHA**2)
+        mirrors = seen[KIND, i] == GLOSSY and seen[ALPHA2, i] < rough_alpha2
         part[12, i] = max(seen[ALPHA2, i], np.float32(1e-10)) if mirrors else np.float32(-1)
         some |= mirrors
     if not some:

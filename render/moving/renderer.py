@@ -16,15 +16,13 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.export.residual import remove_lights
 from lighting.light_set import LightSet
 from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from render.lights.discs import irradiance_curves
 from render.lights.dome import dome_lights
 from render.lights.map_pyramid import map_pyramid
-from render.lights.narrow_lights import PEAK_RAD, narrow_lights
 from render.lights.reaching_lights import reaching_lights
-from render.moving.reflected_map import ROUGH_ALPHA, add_reflected_map
+from render.moving.reflected_map import ROUGH_ALPHA, add_reflected_map, without_peaks
 from render.moving.shared_rays import DEFAULT_EFFORT, Discs, Effort, SharedRays
 from render.moving.surroundings import mark_surfaces, show_map
 from render.rays.background import with_ground
@@ -104,7 +102,11 @@ class MovingRenderer:
         if background is not None and through_ground:
             background = with_ground(background, ground)
         if background is not None:
-            discs = self._reflect(background, discs, None if through_ground else ground, picture)
+            rest, discs = without_peaks(background, discs)
+            add_reflected_map(
+                self._traced, self._surfaces, self._camera.eye, map_pyramid(rest),
+                None if through_ground else ground, picture,
+            )  # fmt: skip
         power = float(discs.irradiance.sum(axis=0) @ LUMINANCE_WEIGHTS)
         pixel_rad = 2 * self._camera.half_extent()[1] / height
         self._rays.add(
@@ -152,23 +154,3 @@ class MovingRenderer:
         received = 2 * irradiance_curves(lights.radius_rad)[:, 0] * lights.directions[:, 1]
         upward = received @ lights.irradiance
         return (upward * ground.reflectance / np.pi).astype(np.float32)
-
-    def _reflect(
-        self,
-        background: EnvironmentMap,
-        lights: Discs,
-        ground: NDArray[np.float32] | None,
-        picture: NDArray[np.float32],
-    ) -> Discs:
-        """Add what smooth surfaces mirror of a map without its peaks; return what is left to."""
-        peaks = narrow_lights(lights.irradiance, lights.radius_rad, PEAK_RAD)
-        seen = lights.taken(peaks)
-        rest, of_peaks = remove_lights(
-            background, LightSet(seen.directions, seen.irradiance, seen.radius_rad)
-        )
-        add_reflected_map(
-            self._traced, self._surfaces, self._camera.eye, map_pyramid(rest), ground, picture
-        )
-        mirrored = np.zeros_like(lights.irradiance)
-        mirrored[peaks] = of_peaks
-        return Discs(lights.directions, lights.irradiance, lights.radius_rad, mirrored)

@@ -12,7 +12,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from render.rays.background import bilinear
-from render.rays.first_hits import GROUND, KIND, NOTHING, SIDE
+from render.rays.first_hits import GROUND, KIND, NOTHING, POSITION, SIDE
 
 _FLOATS = NDArray[np.float32]
 
@@ -21,12 +21,12 @@ _FLOATS = NDArray[np.float32]
 def mark_surfaces(surfaces: _FLOATS, picture: _FLOATS) -> None:  # pragma: no cover - compiled
     """Set `picture` (H, W, 4) to black, alpha 1 where a surface is seen."""
     for line in prange(picture.shape[0]):
-        row, first = 1 + line // SIDE, SIDE * (line % SIDE)
-        for column in range(picture.shape[1]):
-            kind = surfaces[row, first + column % SIDE, KIND, 1 + column // SIDE]
-            for c in range(3):
-                picture[line, column, c] = 0
-            picture[line, column, 3] = np.float32(kind != NOTHING)
+        for x in range(SIDE):
+            kinds = surfaces[1 + line // SIDE, SIDE * (line % SIDE) + x, KIND]
+            for column in range(x, picture.shape[1], SIDE):
+                for c in range(3):
+                    picture[line, column, c] = 0
+                picture[line, column, 3] = np.float32(kinds[1 + column // SIDE] != NOTHING)
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model="numpy")
@@ -43,23 +43,20 @@ def show_map(
     `background.look_through` has it; `unshaded` (3,) is NaN where the ground is to stay.
     """
     for line in prange(picture.shape[0]):
-        row = 1 + line // SIDE
-        for column in range(picture.shape[1]):
-            lane, at = SIDE * (line % SIDE) + column % SIDE, 1 + column // SIDE
-            kind = surfaces[row, lane, KIND, at]
-            if kind != NOTHING and (kind != GROUND or math.isnan(unshaded[0])):
-                continue
-            x, y, z = (
-                surfaces[row, lane, 0, at],
-                surfaces[row, lane, 1, at],
-                surfaces[row, lane, 2, at],
-            )
-            if kind == GROUND:
-                x, y, z = x - eye[0], y - eye[1], z - eye[2]
-            u = np.float32(0.5 - math.atan2(x, z) / (2 * math.pi))
-            v = np.float32(math.atan2(math.hypot(x, z), y) / math.pi)
-            for c in range(3):
-                shade = np.float32(1)
-                if kind == GROUND and unshaded[c] > 0:
-                    shade = picture[line, column, c] / unshaded[c]
-                picture[line, column, c] = shade * bilinear(radiance, (u, v), c)
+        for side in range(SIDE):
+            seen = surfaces[1 + line // SIDE, SIDE * (line % SIDE) + side]
+            for column in range(side, picture.shape[1], SIDE):
+                at = 1 + column // SIDE
+                is_ground = seen[KIND, at] == GROUND and not math.isnan(unshaded[0])
+                if seen[KIND, at] != NOTHING and not is_ground:
+                    continue
+                x, y, z = seen[POSITION, at], seen[POSITION + 1, at], seen[POSITION + 2, at]
+                if is_ground:
+                    x, y, z = x - eye[0], y - eye[1], z - eye[2]
+                u = np.float32(0.5 - math.atan2(x, z) / (2 * math.pi))
+                v = np.float32(math.atan2(math.sqrt(x * x + z * z), y) / math.pi)
+                for c in range(3):
+                    shade = np.float32(1)
+                    if is_ground and unshaded[c] > 0:
+                        shade = picture[line, column, c] / unshaded[c]
+                    picture[line, column, c] = shade * bilinear(radiance, (u, v), c)

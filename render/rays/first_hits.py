@@ -31,6 +31,10 @@ FIELDS = 18
 """Rows of a surface: position (3), shading normal (3), face normal (3), ρ/π (3), f0 (3), f90, α²
 and what it is. Where nothing is hit, `POSITION` is the direction of the ray instead."""
 
+TRIANGLE, U, V = 18, 19, 20
+"""Three rows more for those who ask for them: the bits of a triangle's row, −1 off the triangles;
+the shares of its second and third corner."""
+
 NOTHING, GROUND, DULL, GLOSSY = 0.0, 1.0, 2.0, 3.0
 """Values of `KIND`: nothing was hit, the ground, a Lambertian surface, one that mirrors too."""
 
@@ -42,15 +46,15 @@ _BY_PI = np.float32(1 / math.pi)
 _FLOATS = NDArray[np.float32]
 
 
-def empty_surfaces(size_px: tuple[int, int]) -> _FLOATS:
-    """Return memory for a picture's surfaces, (rows + 2, LANES, FIELDS, columns + 2) of tiles.
+def empty_surfaces(size_px: tuple[int, int], fields: int = FIELDS) -> _FLOATS:
+    """Return memory for a picture's surfaces, (rows + 2, LANES, fields, columns + 2) of tiles.
 
     Columns are a multiple of 16, so a picture may reach over its right and lower edge.
     """
     width, height = size_px
     columns = LANES * math.ceil(width / (SIDE * LANES))
     rows = SIDE * math.ceil(height / SIDE**2)
-    return np.zeros((rows + 2, LANES, FIELDS, columns + 2), np.float32)
+    return np.zeros((rows + 2, LANES, fields, columns + 2), np.float32)
 
 
 def in_picture(surfaces: _FLOATS, size_px: tuple[int, int]) -> _FLOATS:
@@ -143,6 +147,13 @@ def _find_row(
         for lane in range(LANES):
             for field in range(FIELDS):
                 surfaces[row, lane, field, column] = seen[field, lane]
+        if surfaces.shape[2] > FIELDS:
+            for lane in range(LANES):
+                if geometry_of[lane] == -1:
+                    face_of[lane] = -1
+                surfaces[row, lane, TRIANGLE, column] = rays[17, lane]
+                surfaces[row, lane, U, column] = rays[15, lane]
+                surfaces[row, lane, V, column] = rays[16, lane]
 
 
 @njit(nogil=True, error_model="numpy")

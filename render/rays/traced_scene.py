@@ -23,6 +23,7 @@ class TracedScene:
     Attributes
     ----------
     scene : Scene
+    geometry : Geometry
     sphere : (4,) float32
         Centre and radius of a sphere around all triangles.
     """
@@ -39,7 +40,7 @@ class TracedScene:
     @property
     def offset_m(self) -> float:
         """How far off a surface rays from it start."""
-        return _OFFSET * self._geometry.radius_m
+        return _OFFSET * self.geometry.radius_m
 
     def release(self) -> None:
         """Free Embree's memory."""
@@ -61,7 +62,7 @@ class TracedScene:
 
     def find_surfaces(self, camera: Camera, size_px: tuple[int, int], surfaces: _FLOATS) -> None:
         """Fill `surfaces`, of `empty_surfaces`, with what a picture (width, height) shows."""
-        geometry, look = self._geometry, self._appearance
+        geometry, look = self.geometry, self._appearance
         find_surfaces(
             intersect16_address(), self.address, self.sphere, _view(camera, size_px),
             _level(self.scene.ground), geometry.positions, geometry.attributes, geometry.faces,
@@ -71,7 +72,7 @@ class TracedScene:
     def _set(self, scene: Scene, *, is_quick: bool) -> None:
         geometry = gather_geometry(scene.meshes)
         self._occluders = Occluders(geometry.positions, geometry.faces, is_quick=is_quick)
-        self.scene, self._geometry = scene, geometry
+        self.scene, self.geometry = scene, geometry
         self.sphere = np.array([*geometry.centre, geometry.radius_m], np.float32)
 
 

@@ -28,14 +28,15 @@ def drawn(monkeypatch):
         def move(self, *shown):
             self.shown = shown
 
-        def render(self, lights, background, *, through_ground):
+        def render(self, *shown, through_ground):
             done.append(self.name)
-            return self.shown
+            return (*self.shown, *shown[:-2])
 
         def release(self):
             done.append(f"free {self.name}")
 
     monkeypatch.setattr(scene_renderer, "BakedRenderer", lambda *shown: Fake("baked", shown))
+    monkeypatch.setattr(scene_renderer, "RoamingRenderer", lambda *shown: Fake("roaming", shown))
     monkeypatch.setattr(scene_renderer, "MovingRenderer", lambda *shown: Fake("moving", shown))
     return done
 
@@ -56,15 +57,34 @@ def test_what_is_known_to_stand_is_baked_at_once(drawn):
     assert drawn == ["make baked", "baked", "free baked"]
 
 
-@pytest.mark.parametrize(
-    "other", [(replace(SCENE), CAMERA), (SCENE, replace(CAMERA, target=np.array([0.0, 1, 0])))]
-)
-def test_what_moves_is_drawn_as_it_is_now(drawn, other):
+def test_what_moves_is_drawn_as_it_is_now(drawn):
     with SceneRenderer(still_pictures=1) as renderer:
         for _ in range(2):
             renderer.render(SCENE, CAMERA, LIGHT)
-        assert renderer.render(*other, LIGHT) == other
+        other = replace(SCENE)
+        assert renderer.render(other, CAMERA, LIGHT) == (other, CAMERA)
     assert drawn[3:] == ["baked", "free baked", "moving", "free moving"]
+
+
+def test_from_a_camera_that_moves_a_scene_that_stands_is_traced_once(drawn):
+    cameras = [replace(CAMERA, target=np.array([0.0, 0.1 * step, 0.0])) for step in range(4)]
+    with SceneRenderer(still_pictures=2) as renderer:
+        for camera in cameras:
+            assert renderer.render(SCENE, camera, LIGHT) == (SCENE, camera)
+        renderer.render(replace(SCENE), CAMERA, LIGHT)
+    assert drawn == [
+        "make moving", "moving", "moving", "make roaming", "roaming", "roaming", "free roaming",
+        "moving", "free moving",
+    ]  # fmt: skip
+
+
+def test_a_camera_that_comes_to_stand_is_baked(drawn):
+    with SceneRenderer(still_pictures=2) as renderer:
+        for target in (0.0, 0.1, 0.2):
+            renderer.render(SCENE, replace(CAMERA, target=np.array([0, target, 0])), LIGHT)
+        for _ in range(3):
+            renderer.render(SCENE, CAMERA, LIGHT)
+    assert drawn[4:-3] == ["roaming", "roaming", "roaming", "make baked", "baked"]
 
 
 @pytest.mark.parametrize("still_pictures", [0, 1])
