@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from functools import cache, partial
 from pathlib import Path
+from statistics import median
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -90,7 +91,10 @@ def chart_render(
     write_text(tables[0], chart.as_csv(rows))
     write_text(tables[1], chart.as_csv(grew))
     points = chart.points_of(rows) + growth.points_of(grew)
-    about = f"{_all_of(scenes, 'scene')} under {_all_of(maps, 'map')}, {SIZE_PX[0]}×{SIZE_PX[1]}."
+    about = (
+        f"{_all_of(scenes, 'scene')} under {_all_of(maps, 'map')}, {SIZE_PX[0]}×{SIZE_PX[1]}. "
+        f"The reference's own noise has a FLIP of {median(row.least_flip for row in rows):.1%}."
+    )
     for path, theme, what in pictures:
         draw(points, what, MAIN_WAYS, about, path, theme)
     print(

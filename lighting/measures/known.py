@@ -45,13 +45,16 @@ def read_known(path: Path, kind: type[Result], digest: str) -> dict[str, Result]
     None if there is no file. Others are dropped, or the file would grow with every version.
     """
     try:
-        found = msgspec.json.decode(path.read_bytes(), type=dict[str, dict[str, kind]])  # type: ignore[valid-type]
-        known: dict[str, Result] = found["measurements"]
+        found = msgspec.json.decode(path.read_bytes(), type=dict[str, dict[str, msgspec.Raw]])
+        return {
+            key: msgspec.json.decode(row, type=kind)
+            for key, row in found["measurements"].items()
+            if key.startswith(digest)  # only these are sure to have the fields of today
+        }
     except FileNotFoundError:
         return {}
     except (OSError, msgspec.DecodeError, KeyError) as error:
         raise InputError(f"{path}: not a file of earlier results ({error}); remove it") from error
-    return {key: row for key, row in known.items() if key.startswith(digest)}
 
 
 def write_known(path: Path, known: Mapping[str, msgspec.Struct]) -> None:

@@ -7,6 +7,7 @@ Fails  : in textures finer than a pixel, where one sample is not the mean but co
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,16 +29,28 @@ class Truth:
 
     Attributes
     ----------
-    radiance : (H, W, 3) float32
-    variance : float
-        Mean over the compared pixels of the squared standard error of `radiance`.
+    radiance, standard_error : (H, W, 3) float32
     is_compared : (H, W) bool
         Not on outlines, where one sample shows one thing and the truth the mean of two.
     """
 
     radiance: Floats
-    variance: float
+    standard_error: Floats
     is_compared: NDArray[np.bool_]
+
+    @cached_property
+    def variance(self) -> float:
+        """Mean over the compared pixels of the squared standard error."""
+        return float(np.mean(self.standard_error[self.is_compared].astype(np.float64) ** 2))
+
+    @cached_property
+    def least_flip(self) -> float:
+        """The `mean_flip` of a perfect picture, were it as noisy as this: what no other is below.
+
+        Unlike a square, ꟻLIP cannot be freed of the truth's own noise.
+        """
+        noise = np.random.default_rng(0).standard_normal((*self.is_compared.shape, 1), np.float32)
+        return mean_flip(np.maximum(self.radiance + noise * self.standard_error, 0), self)
 
 
 def relative_rmse(picture: Floats, truth: Truth) -> float:

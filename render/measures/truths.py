@@ -46,5 +46,4 @@ def truth_of(scene: Scene, camera: Camera, environment: EnvironmentMap, folder: 
             radiance, error = kept["radiance"], kept["error"]
     except (OSError, ValueError, KeyError) as damage:
         raise InputError(f"{path}: not a kept reference picture ({damage}); remove it") from damage
-    compared = away_from_outlines(scene, camera)
-    return Truth(radiance, float(np.mean(error[compared].astype(np.float64) ** 2)), compared)
+    return Truth(radiance, error, away_from_outlines(scene, camera))

@@ -39,8 +39,9 @@ _TURN_RAD = np.radians(0.5)  # that all lights turn about the vertical
 def ways() -> Iterator[Mapping[str, Way]]:
     """Give the ways by name, good as long as the context lasts: without OpenGL those without.
 
-    "rays" draw what moves, and share those to weak lights among n × n pixels; "transport" needs
-    scene and camera to stand; "shadow maps" are drawn anew because lights turn.
+    "rays" draw what moves; "transport" needs scene and camera to stand; "shadow maps" are drawn
+    anew because lights turn. n × n pixels share the looking at weak lights: 4 × 4 unless the name
+    says another number. Shadow maps of weak lights have 256² texels or what the name says.
     """
     found: dict[str, Way] = {
         RAYS if side == 4 else f"{RAYS}, {side}×{side}": partial(_rays, side) for side in (4, 2, 1)
@@ -52,7 +53,14 @@ def ways() -> Iterator[Mapping[str, Way]]:
         yield found
         return
     with context:
-        yield found | {SHADOW_MAPS: partial(_shadow_maps, context)}
+        for name, side, map_px in (
+            (SHADOW_MAPS, 4, 256),
+            (f"{SHADOW_MAPS}, 128²", 4, 128),
+            (f"{SHADOW_MAPS}, 512²", 4, 512),
+            (f"{SHADOW_MAPS}, 1×1", 1, 256),
+        ):
+            found[name] = partial(_shadow_maps, context, side, map_px)
+        yield found
 
 
 def turned(lights: LightSet, frame: int) -> LightSet:
@@ -82,6 +90,8 @@ def _transport(scene: Scene, camera: Camera) -> Iterator[Draw]:
 
 
 @contextmanager
-def _shadow_maps(context: moderngl.Context, scene: Scene, camera: Camera) -> Iterator[Draw]:
-    with Renderer(context, scene, camera) as renderer:
+def _shadow_maps(
+    context: moderngl.Context, side: int, map_px: int, scene: Scene, camera: Camera
+) -> Iterator[Draw]:
+    with Renderer(context, scene, camera, interleaving=side, map_px=map_px) as renderer:
         yield lambda lights, environment, frame: renderer.render(turned(lights, frame), environment)

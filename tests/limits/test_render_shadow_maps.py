@@ -1,6 +1,6 @@
 """Claim    : shadow maps lose the lowest texel and a half of what stands on the ground, no more.
 
-Setup    : a box of 0.5 m on white ground under one point light, 5° to 80° above it; a light that sets;
+Setup    : a box of 0.5 m on white ground under one point light, 5° to 80° above it; one that sets;
            4,096 lights; a mesh with triangles without area; a ball of a million triangles.
 Expected : a receiver is compared √2 texels off its surface, so the far edge of a shadow is short by
            what stands in the way of that height, √2 cos²/sin texels, give or take half a texel;

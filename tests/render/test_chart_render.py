@@ -32,7 +32,8 @@ MATT = Material((0.6, 0.6, 0.6), specular=0.0)
 BALL = brute_force.SphereScene((0.0, 0.5, 0.0), 0.5, MATT, Ground(0.0, (0.5, 0.5, 0.5), 20))
 CAMERA = Camera(np.array([0.5, 2.0, 2.5]), np.array([0.0, 0.4, 0.0]), 0.7, (32, 24))
 SCENE = Scene((sphere(BALL.centre, BALL.radius_m, MATT, 24),), BALL.ground)
-EVEN = Truth(np.ones((24, 32, 3), np.float32), 0.0, np.ones((24, 32), bool))
+EXACT = np.zeros((24, 32, 3), np.float32)
+EVEN = Truth(np.ones((24, 32, 3), np.float32), EXACT, np.ones((24, 32), bool))
 
 
 class Painter:
@@ -57,7 +58,7 @@ def case(truth=EVEN, scene=SCENE, environment_map=None):
 
 
 def measured(way="a", count=4, ms=1.0, rmse=0.1, **others):
-    return chart.Measurement("s", "m", way, count, count, ms, 0.0, rmse, 0.05)
+    return chart.Measurement("s", "m", way, count, count, ms, 0.0, rmse, 0.05, 0.01)
 
 
 def test_the_scenes_are_three_and_closed():
@@ -127,9 +128,11 @@ def test_relative_rmse_is_without_outlines_and_the_truths_own_error():
     compared = np.zeros((24, 32), bool)
     compared[4:20, 4:28] = True
     picture = np.where(compared[..., None], 1.1 * true, 7.0)
-    assert relative_rmse(picture, Truth(true, 0.0, compared)) == pytest.approx(0.1, rel=1e-5)
+    assert relative_rmse(picture, Truth(true, EXACT, compared)) == pytest.approx(0.1, rel=1e-5)
     power = np.mean(true[compared] ** 2)
-    noisy = Truth(true, 0.06**2 * power, compared)
+    error = np.full((24, 32, 3), 0.06 * np.sqrt(power), np.float32)
+    error[:4] = 9.0  # where nothing is compared
+    noisy = Truth(true, error, compared)
     assert relative_rmse(picture, noisy) == pytest.approx(0.08, rel=1e-4)
     assert relative_rmse(true, noisy) == 0
 
@@ -137,12 +140,20 @@ def test_relative_rmse_is_without_outlines_and_the_truths_own_error():
 def test_flip_sees_nothing_of_outlines():
     compared = np.ones((24, 32), bool)
     compared[:, 16] = False
-    truth = Truth(EVEN.radiance, 0.0, compared)
+    truth = Truth(EVEN.radiance, EXACT, compared)
     picture = EVEN.radiance.copy()
     picture[:, 16] = 50.0
     assert mean_flip(picture, truth) == 0
     picture[:, 0] = 0.5
     assert mean_flip(picture, truth) > 0
+
+
+def test_the_least_flip_is_that_of_the_truths_own_noise():
+    assert EVEN.least_flip == 0
+    rng = np.random.default_rng(3)
+    noisy = Truth(EVEN.radiance, EXACT + np.float32(0.02), EVEN.is_compared)
+    picture = EVEN.radiance + np.float32(0.02) * rng.standard_normal((24, 32, 1), np.float32)
+    assert noisy.least_flip == pytest.approx(mean_flip(picture, noisy), rel=0.2)
 
 
 def test_a_truth_is_traced_once(tmp_path, monkeypatch):
@@ -304,7 +315,7 @@ def test_writes_the_charts_and_their_numbers(small, map_path, tmp_path, capsys):
     others = {"render.csv", "growth.csv", "measurements.json", "growth.json"}
     assert {path.name for path in output.iterdir()} == pictures | others
     header, *lines = (output / "render.csv").read_text().splitlines()
-    assert header == "scene,map_name,way,count,lights,ms,setup_ms,rmse,flip"
+    assert header == "scene,map_name,way,count,lights,ms,setup_ms,rmse,flip,least_flip"
     assert [line.split(",")[:4] for line in lines] == [
         ["ball", "map", way, count] for way in ("dark", "bright") for count in "48"
     ]
@@ -313,7 +324,7 @@ def test_writes_the_charts_and_their_numbers(small, map_path, tmp_path, capsys):
     for name, words in (("render", "error against time"), ("growth", "time of a frame grows")):
         text = (output / f"{name}-dark.svg").read_text()
         assert words in text
-        assert f"dark {MAIN_WAYS} 1 scene under 1 map, 640×480." in text
+        assert f"dark {MAIN_WAYS} 1 scene under 1 map, 640×480. The" in text
     # All is known: nothing is drawn.
     drawn = len(small["dark"].frames)
     chart_render(map_path, output=output, force=True)
