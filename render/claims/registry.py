@@ -10,15 +10,18 @@ import msgspec
 from lighting.maps.environment import EnvironmentMap
 from render.claims.combined_techniques import BESIDE, GLOSSY
 from render.claims.contract import Claim, Finding, verdict
+from render.claims.estimated import RESAMPLING, WAVELET
 from render.claims.light_counts import KOLLIG_KELLER, STRUCTURED
 from render.claims.occlusion import OCCLUSION
 from render.claims.point_light import POINT_LIGHT
 
 CLAIMS: tuple[Claim, ...] = (
+    WAVELET,
     STRUCTURED,
     KOLLIG_KELLER,
     GLOSSY,
     BESIDE,
+    RESAMPLING,
     OCCLUSION,
     POINT_LIGHT,
 )

@@ -8,7 +8,7 @@ import pytest
 from lighting.light_set import LightSet
 from lighting.measures.error_measures import received, received_from_map
 from lighting.simulation.outdoors import outdoors
-from render.claims import combined_techniques, light_counts, occlusion, point_light
+from render.claims import combined_techniques, estimated, light_counts, occlusion, point_light
 from render.claims.combined_techniques import (
     Drawn,
     combined,
@@ -119,3 +119,41 @@ def test_spheres_that_are_the_same_do_not_differ():
     first, *others = point_light.differences(picture)
     assert first == pytest.approx(1, abs=0.02)
     assert others == [0.0, 0.0]
+
+
+def test_spreads_are_of_the_same_surfaces_and_fall_with_samples(monkeypatch):
+    monkeypatch.setattr(estimated, "SIZE_PX", (16, 8))
+    sky = outdoors(8)
+    few, many, other = estimated.spreads(sky, [("brdf", 4), ("brdf", 256), ("inverse-cdf", 256)])
+    assert few.candidates * 64 == many.candidates
+    assert 0 < many.rays <= many.candidates
+    assert many.error < few.error / 4
+    # Means of six estimates each, against the spread of both.
+    off = np.sqrt(np.mean((many.mean - other.mean) ** 2))
+    assert off < 2 * math.hypot(many.error, other.error) / math.sqrt(6)
+    assert other.size == pytest.approx(many.size, rel=0.2)
+
+
+def test_resampling_holds_where_it_throws_away_and_is_worth_it(monkeypatch):
+    def made(_environment, wanted):
+        spread = {
+            "inverse-cdf": (1.0, 64.0),
+            "rejection-light": (3.0, 16.0),  # 3 · √(16/64) > 1
+            "rejection-brdf": (0.5, 48.0),  # keeps most
+            "resampling-light": (1.5, 16.0),
+            "resampling-brdf": (2.5, 16.0),
+        }
+        assert {name for name, _ in wanted} == set(spread)
+        return [
+            estimated.Spread(np.ones((1, 3, 16)), *spread[name], 64.0, 1.0) for name, _ in wanted
+        ]
+
+    monkeypatch.setattr(estimated, "spreads", made)
+    rows = estimated.RESAMPLING.measure({"m": outdoors(8)})
+    held = {row.setting.split()[-1]: row.holds for row in rows}
+    assert held == {
+        "rejection-light": False,
+        "rejection-brdf": False,
+        "resampling-light": True,
+        "resampling-brdf": False,
+    }
