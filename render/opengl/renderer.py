@@ -32,7 +32,7 @@ from render.scenes.scene import Camera, Scene
 
 KEY_LIGHTS = 4
 """The strongest, which every sample looks at, in the finest maps."""
-KEY_MAP_PX = 2048
+KEY_MAP_PX, KEY_ATLAS_SIDE_PX = 1024, 2048
 LARGEST_MAP_PX = 256
 """Of the other lights and of the dome: their shadows are blurred."""
 DOME_ATLAS_SIDE_PX = 2048
@@ -98,7 +98,7 @@ class Renderer:
             )
         self._gbuffer = GBuffer(context, scene, camera, (width, height))
         self._casters = gather_casters(scene.meshes)
-        self._key_atlas = ShadowAtlas(context, self._casters, ATLAS_SIDE_PX, KEY_MAP_PX)
+        self._key_atlas = ShadowAtlas(context, self._casters, KEY_ATLAS_SIDE_PX, KEY_MAP_PX)
         self._atlas = ShadowAtlas(context, self._casters, ATLAS_SIDE_PX, map_px)
         self._dome_atlas: ShadowAtlas | None = None
         self._sum = context.texture((width, height), 4, dtype="f4")
@@ -165,15 +165,15 @@ class Renderer:
         *,
         most_maps: int | None = None,
         timed: Timed = nullcontext,
-    ) -> None:
-        """Draw the samples of the picture under `lights` to `framebuffer`.
+    ) -> int:
+        """Draw the samples of the picture under `lights` to `framebuffer`; return the maps drawn.
 
         Parameters
         ----------
         lights, background
             As in `render`.
         most_maps : int or None
-            Most shadow maps to draw anew of those that turned, of key lights and of others each.
+            Most shadow maps of lights that turned to draw anew; key lights come first.
         timed : callable
             Given the name of a part, returns a context manager around it.
         """
@@ -186,16 +186,19 @@ class Renderer:
             (self._full, self._key_atlas, is_key),
             (self._shared, self._atlas, ~is_key),
         ]
+        maps = 0
         for light_pass, atlas, part in sets:
             parts = directions[part], irradiance[part], radius_rad[part]
-            self._add_lights(light_pass, atlas, parts, most_maps, timed)
+            left = None if most_maps is None else max(most_maps - maps, 0)
+            maps += self._add_lights(light_pass, atlas, parts, left, timed)
         if lights.fill.any():
             dome = dome_lights(lights.fill, upper_only=self._scene.ground is not None)
             # An atlas of its own: lights that come and go would displace the dome's maps.
             self._dome_atlas = self._dome_atlas or ShadowAtlas(
                 self._context, self._casters, DOME_ATLAS_SIDE_PX, LARGEST_MAP_PX
             )
-            self._add_lights(self._shared, self._dome_atlas, dome, None, timed)
+            maps += self._add_lights(self._shared, self._dome_atlas, dome, None, timed)
+        return maps
 
     def as_picture(self, samples: bytes) -> NDArray[np.float32]:
         """Return the picture whose samples were read from `framebuffer`, (H, W, 4) float32."""
@@ -250,12 +253,14 @@ class Renderer:
         lights: tuple[Array, Array, Array],
         most_maps: int | None,
         timed: Timed,
-    ) -> None:
+    ) -> int:
+        maps = 0
         for first in range(0, len(lights[0]), atlas.capacity):
             directions, irradiance, radius_rad = (
                 each[first : first + atlas.capacity] for each in lights
             )
             with timed("shadow maps"):
-                atlas.draw(directions, irradiance @ LUMINANCE_WEIGHTS, most_maps)
+                maps += atlas.draw(directions, irradiance @ LUMINANCE_WEIGHTS, most_maps)
             with timed("lights"):
                 light_pass.add(self.framebuffer, atlas, directions, irradiance, radius_rad)
+        return maps

@@ -105,6 +105,7 @@ class LightPass:
         self._context.blend_func = moderngl.ONE, moderngl.ONE
         for first in range(0, len(packed), self.batch):
             batch = packed[first : first + self.batch]
+            self._lights.orphan()  # the last batch may still be in use
             self._lights.write(batch.tobytes())
             for program in (self._see_program, self._shade_program):
                 set_uniforms(program, light_count=len(batch))

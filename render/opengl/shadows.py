@@ -174,6 +174,7 @@ class ShadowAtlas:
         origins = self._tile_origins(len(self._drawn))[changed]
         rows = world_to_tile(self._drawn[changed], self.centre, self.radius_m, self.tile_px)
         instances = np.column_stack([rows.reshape(-1, 12), origins / self.side_px])
+        self._tiles.orphan()  # the last ones may still be in use
         self._tiles.write(instances.astype(np.float32).tobytes())
         set_uniforms(self._program, tile_share=self.tile_px / self.side_px)
         self._framebuffer.use()
