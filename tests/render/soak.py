@@ -73,7 +73,7 @@ async def run(minutes: float) -> None:
             asyncio.create_task(watch(address, path, until_s))
             for path in ("view", "view", "lights")
         ]
-        settled = None
+        settled = halfway = None
         while time.monotonic() < until_s:
             await asyncio.sleep(30.0)
             now = measures(process.pid)
@@ -81,6 +81,8 @@ async def run(minutes: float) -> None:
             print(f"{elapsed_s:6.0f} s  {now[0]:7.1f} MB  threads {now[1]}  files {now[2]}")
             if settled is None and elapsed_s >= SETTLED_S:
                 settled = now
+            if halfway is None and elapsed_s >= 30 * minutes:
+                halfway = now
         counts = [await client for client in clients]
         await asyncio.sleep(1.0)
         last = measures(process.pid)
@@ -89,8 +91,10 @@ async def run(minutes: float) -> None:
         assert process.wait(20) == 0
     print(summary.strip(), f"; messages to each client: {counts}")
     assert settled is not None, f"soak for more than {SETTLED_S / 60:.0f} minutes"
+    assert halfway is not None
     growth = last[0] / settled[0] - 1
-    print(f"memory {growth:+.1%} since {SETTLED_S:.0f} s")
+    later = last[0] / halfway[0] - 1  # about half of it if there is a leak; about none if not
+    print(f"memory {growth:+.1%} since {SETTLED_S:.0f} s, {later:+.1%} in the second half")
     counters = {name: int(value) for value, name in re.findall(r"(\d+) (\w+)", summary)}
     lost = counters["captured"] - sum(counters[n] for n in ("replaced", "rendered", "failed"))
     assert 0 <= lost <= 2, f"{lost} brackets are in no counter (those that waited at the end are)"
