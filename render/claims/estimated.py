@@ -163,8 +163,7 @@ WAVELET = Claim(
     f"{MANY} random ones.",
     "Clarberg, Jarosz, Akenine-Möller, Jensen, SIGGRAPH 2005",
     "Standard deviation of estimates of the default scene's surfaces, with shadows, points moved "
-    f"at random for each surface. Holds where {FEW} Hammersley points have no more than {MANY} random "
-    "ones.",
+    f"at random for each. Holds where {FEW} Hammersley points have no more than {MANY} random.",
     _hammersley_against_random,
 )
 RESAMPLING = Claim(
