@@ -55,6 +55,8 @@ _MOST_LOSSES = 2
 """Workers that may be lost with a run, beside those that its frames are known to have ended."""
 _DEPTH = 4
 """Runs of one recording in flight before another recording is begun."""
+_MOST_OPEN = 32
+"""Recordings at a time: the client holds the list of frames of each."""
 
 
 class FrameSequence(Protocol):
@@ -216,7 +218,7 @@ class Tracker:
             self._prepare(self._lost.popleft(), worker)
             return True
         depth = min((len(queue.runs) for queue in self._queues), default=_DEPTH)
-        if depth >= _DEPTH:
+        if depth >= _DEPTH and len(self._queues) < _MOST_OPEN:
             self._open_next(sequences)
         while True:
             self._queues = [queue for queue in self._queues if not queue.sequence.is_finished]
