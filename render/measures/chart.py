@@ -197,6 +197,7 @@ def _of_way(
 def _measured(
     case: Case, name: str, lights: LightSet, count: int, draw: Draw, setup_ms: float
 ) -> Measurement:
+    draw(lights, case.environment, 1)  # or lights that stand would be judged, and moving ones timed
     picture = draw(lights, case.environment, 0)
     truth = case.truth()
     errors = relative_rmse(picture, truth), mean_flip(picture, truth), truth.least_flip
