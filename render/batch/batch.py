@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import chain
 from pathlib import Path
 
 from capture.errors import FishlightError, InputError
@@ -138,20 +139,26 @@ def run_batch(
                     summary.stop(str(error))
                     continue
                 names.add(job.folder)
-                yield RecordingSequence(job, brackets, partial(conclude, is_kept=True), run_length)
+                sequence = RecordingSequence(
+                    job, brackets, partial(conclude, is_kept=True), run_length
+                )
+                sequence.pass_over()
+                if not sequence.is_finished:
+                    yield sequence
 
-        with connected(scheduler, worker_count) as client:
-            tracker = Tracker(
-                client,
-                conclude,
-                lambda sequence, error: summary.stop(
-                    f"{sequence.job.recording.folder}: {error_line(error)}"
-                ),
-            )
-            try:
-                tracker.run_all(sequences())
-            except FishlightError as error:  # the scheduler is lost, or the index's disk is full
-                summary.stop(str(error))
+        def stop(sequence: FrameSequence, error: BaseException) -> None:
+            summary.stop(f"{sequence.job.recording.folder}: {error_line(error)}")
+
+        unfinished = sequences()
+        first = next(unfinished, None)
+        if first is not None:
+            with connected(scheduler, worker_count) as client:
+                try:
+                    Tracker(client, conclude, stop).run_all(chain([first], unfinished))
+                except (
+                    FishlightError
+                ) as error:  # the scheduler is lost, or the index's disk is full
+                    summary.stop(str(error))
     try:
         write_json(output / REPORT_NAME, {"schema": "fishlight-batch-report/1", **vars(summary)})
     except InputError as error:

@@ -76,21 +76,32 @@ class RecordingSequence:
         """Whether every run is concluded."""
         return self._position >= len(self._brackets) and not self.in_flight
 
+    def pass_over(self) -> bool:
+        """Pass over runs that are complete; return whether the next one is there in part.
+
+        Only while no run is in flight: then it is known what the next one follows.
+        """
+        while not self.in_flight and self._position < len(self._brackets):
+            run = run_at(self.job, self._brackets, self._position, self._run_length)
+            record = self._read_record(run)
+            if record is None or not self._is_complete(run, record):
+                return record is not None
+            self._position += len(run)
+            self._follow(run, record)
+            self._on_kept(record)
+        return False
+
     def next_run(self) -> Run | None:
         """Return the next run to prepare; None if there is none, or none yet."""
-        while self._position < len(self._brackets) and not self._waits:
-            run = run_at(self.job, self._brackets, self._position, self._run_length)
-            self._position += len(run)
-            if not self.in_flight:
-                record = self._read_record(run)
-                if record is not None and self._is_complete(run, record):
-                    self._follow(run, record)
-                    self._on_kept(record)
-                    continue
-                self._waits = record is not None
-            self.in_flight += 1
-            return run
-        return None
+        if self._waits:
+            return None
+        self._waits = self.pass_over()
+        if self._position >= len(self._brackets):
+            return None
+        run = run_at(self.job, self._brackets, self._position, self._run_length)
+        self._position += len(run)
+        self.in_flight += 1
+        return run
 
     def conclude(self, run: Run, record: RunRecord) -> None:
         """Go on from the record of the earliest run that is in flight."""
