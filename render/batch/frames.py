@@ -12,21 +12,17 @@ Fails  : a frame that cannot be read, or merged, is marked and left out, as in a
          that ended three processes (attempts.py). What cannot be written ends the step.
 """
 
-import hashlib
-import threading
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.files import read_calibration
-from capture.errors import FishlightError, InputError, UnreadableFrame
-from capture.files import read_bytes
+from capture.errors import FishlightError, UnreadableFrame
 from capture.manifest import FrameRecord
 from capture.merge import merge_bracket
 from capture.output import write_json
@@ -36,17 +32,17 @@ from capture.radiance import RadianceImage
 from capture.radiance_files import write_radiance
 from capture.recording import Recording
 from lighting.blocks.block_sums import BlockSums
-from lighting.blocks.source_blocks import SourceBlocks, apply_source_blocks, build_source_blocks
+from lighting.blocks.source_blocks import apply_source_blocks
 from lighting.light_files import write_lights
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import write_environment
-from lighting.maps.remap import Remap, apply_remap, build_remap
+from lighting.maps.remap import apply_remap
 from lighting.measures.sequence_table import FrameRow, light_columns
-from lighting.reduce import BLOCK_METHODS
 from lighting.stream.light_stream import next_lights
 from render.batch.attempts import MOST_ATTEMPTS, attempt
 from render.batch.light_memory import read_memory, write_memory
+from render.batch.operators import Operators, kernels, operators_of
 from render.batch.runs import Job, Run, next_link
 from render.output.preview import marked, with_lights
 from render.output.view import auto_exposure_ev
@@ -57,9 +53,6 @@ SUFFIXES = {RADIANCE: ".exr", MAPS: ".exr", LIGHTS: ".json", PREVIEWS: ".png"}
 RUNS, ATTEMPTS = "runs", "attempts"
 
 _PREVIEW_SIZE_PX = (1024, 512)
-
-_kernels = threading.Lock()
-"""A process may be at several runs at once, and numba's threads must not be called by two."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +145,7 @@ def light_run(
         if row.failure is None:
             link = next_link(link, frame.image_digest)
         if frame.view is not None:
-            with _kernels:
+            with kernels:
                 lights, memory = next_lights(
                     frame.view,
                     job.settings.plan,
@@ -198,7 +191,7 @@ def _prepare_frame(
     job: Job, recording: Recording, position: int, image_digest: str, memory: PictureMemory
 ) -> PreparedFrame:
     records = recording.brackets[position]
-    operators = _operators(job)
+    operators = operators_of(job)
     row = _row(job, records)
     try:
         with attempt(job.folder / ATTEMPTS, image_digest):
@@ -222,7 +215,7 @@ def _prepare_frame(
 
 
 def _see(
-    job: Job, recording: Recording, position: int, operators: "_Operators", memory: PictureMemory
+    job: Job, recording: Recording, position: int, operators: Operators, memory: PictureMemory
 ) -> tuple[RadianceImage, EnvironmentMap | None, BlockSums | EnvironmentMap | None]:
     """Return a frame's radiance, map and what its lights are found in.
 
@@ -235,7 +228,7 @@ def _see(
     while True:
         try:
             bracket = recording.read_bracket(position)
-            with _kernels:
+            with kernels:
                 image = merge_bracket(bracket, recording.sensor, memory)
                 environment = (
                     None if operators.remap is None else apply_remap(operators.remap, image)
@@ -247,41 +240,6 @@ def _see(
             attempts_left -= 1
             if not attempts_left:
                 raise UnreadableFrame(error_line(error)) from error
-
-
-@dataclass(frozen=True)
-class _Operators:
-    """A camera's ways to maps and to blocks; None for what is not needed."""
-
-    remap: Remap | None
-    source_blocks: SourceBlocks | None
-
-
-def _operators(job: Job) -> _Operators:
-    settings = job.settings
-    by_blocks = settings.needs_lights and settings.plan.method in BLOCK_METHODS
-    with _kernels:
-        return _operators_for(
-            job.calibration_path,
-            job.calibration_digest,
-            settings.map_height if settings.needs_map else None,
-            settings.plan.block_rows if by_blocks else None,
-        )
-
-
-@lru_cache(maxsize=1)
-def _operators_for(
-    path: Path | None, digest: str, map_height: int | None, block_rows: int | None
-) -> _Operators:
-    if path is None:
-        return _Operators(None, None)
-    if hashlib.sha256(read_bytes(path)).hexdigest() != digest:
-        raise InputError(f"{path}: changed while the batch was at work; start it again")
-    calibration = read_calibration(path)
-    return _Operators(
-        None if map_height is None else build_remap(calibration, map_height),
-        None if block_rows is None else build_source_blocks(calibration, block_rows),
-    )
 
 
 def _row(job: Job, records: Sequence[FrameRecord]) -> FrameRow:

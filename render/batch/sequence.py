@@ -98,6 +98,8 @@ class RecordingSequence:
         self._waits = self.pass_over()
         if self._position >= len(self._brackets):
             return None
+        if not self._waits:
+            self._present.clear()  # nothing of what comes is there: a long list is not kept
         run = run_at(self.job, self._brackets, self._position, self._run_length)
         self._position += len(run)
         self.in_flight += 1
