@@ -32,6 +32,7 @@ STAGES = (
     "ball",
     "photometry",
     "render",
+    "opengl",
     "loop",
     "viewers",
     "batch",

@@ -1,0 +1,135 @@
+"""The OpenGL renderer where everything moves: for GPUs, and as it is on llvmpipe.
+
+From picture to picture the camera goes round and every light turns by a degree, so that all shadow
+maps, the G-buffer and the picture are drawn anew, streamed as a session would. ms is what a picture
+takes from one to the next; where the processor draws, its CPU time. Parts are by the device's clock
+and, issued, by the thread's. Accuracy is the relative RMSE against the traced reference under the
+same lights. The system names the device.
+"""
+
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from statistics import median
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from lighting.light_set import LightSet
+from render.opengl.context import create_context, describe, is_software
+from render.opengl.picture_stream import PictureStream, StreamedPicture
+from render.opengl.renderer import Renderer
+from render.reference.tracing import render_reference
+from render.scenes.default_scene import default_scene
+from tests.render.light_sets import random_lights
+
+_RADIUS_RAD = math.radians(10)
+_STEP_RAD = math.radians(1)
+_ERROR = 0.005  # of the reference
+
+
+def run(repeats: int) -> list[dict[str, Any]]:
+    """Return the rows of the stage, for `tests.benchmarks.bench`."""
+    with create_context() as context:
+        return [
+            *_everything_moves(context, (640, 480), 64, 24, repeats),
+            *_everything_moves(context, (640, 480), 64, 24, repeats, frame_rate_hz=10.0),
+            *_everything_moves(context, (1920, 1080), 128, 48, max(repeats // 5, 3)),
+            *_soft(context),
+        ]
+
+
+def _everything_moves(
+    context: moderngl.Context,
+    size_px: tuple[int, int],
+    light_count: int,
+    warm_up: int,
+    repeats: int,
+    frame_rate_hz: float | None = None,
+) -> Iterator[dict[str, Any]]:
+    scene, camera = default_scene(size_px)
+    discs = _discs(light_count, seed=0)
+    clock = time.process_time if is_software(context) else time.perf_counter
+    streamed: list[StreamedPicture] = []
+    begun: list[float] = []
+    with (
+        Renderer(context, scene, camera) as renderer,
+        PictureStream(context, renderer, frame_rate_hz) as stream,
+    ):
+        for k in range(repeats + warm_up):
+            begun.append(clock())
+            eye = camera.target + _turned(camera.eye - camera.target, k * _STEP_RAD)
+            renderer.look_from(replace(camera, eye=eye))
+            lights = replace(discs, directions=_turned(discs.directions, k * _STEP_RAD))
+            picture = stream.draw(lights)
+            if picture is not None:
+                streamed.append(picture)
+        streamed.extend(stream.rest())
+    kept = streamed[warm_up:]  # the shaders are compiled, a controller has settled
+    parts = {
+        f"{part}, ms": median(each.device_ms[part] for each in kept) for part in kept[0].device_ms
+    }
+    issued_ms = median(sum(each.issue_ms.values()) for each in kept)
+    case = f"everything moves, {size_px[0]}×{size_px[1]}, {light_count} discs of 10°"
+    accuracy = {**parts, "issued, ms": issued_ms}
+    if frame_rate_hz is not None:
+        case += f", {frame_rate_hz:g} a second asked for"
+        accuracy["maps a picture"] = kept[-1].most_maps
+    yield {
+        "stage": "opengl",
+        "case": case,
+        "system": describe(context),
+        "ms": 1e3 * median(np.diff(begun[warm_up:])),
+        "ratio": None,
+        "accuracy": accuracy,
+    }
+
+
+def _soft(context: moderngl.Context) -> Iterator[dict[str, Any]]:
+    scene, camera = default_scene((96, 72))
+    wide = _discs(64, seed=0)
+    irradiance, radius_rad = 0.3 * wide.irradiance, wide.angular_radius_rad.copy()
+    irradiance[5], radius_rad[5] = (60.0, 55.0, 50.0), 0.005
+    cases = {
+        "64 discs of 10°": wide,
+        "a sun and 63 discs": LightSet(wide.directions, irradiance, radius_rad),
+        "one disc of 10°": LightSet(
+            wide.directions[3:4], wide.irradiance[3:4], wide.angular_radius_rad[3:4]
+        ),
+    }
+    matt = tuple(
+        replace(mesh, material=replace(mesh.material, metalness=0.0, specular=0.0))
+        for mesh in scene.meshes
+    )
+    scene = replace(scene, meshes=matt)
+    for name, lights in cases.items():
+        truth = render_reference(scene, camera, lights, error=_ERROR).radiance
+        inside = truth[..., 3] == 1
+        for interleaving in (1, 4):
+            with Renderer(context, scene, camera, 2, interleaving) as renderer:
+                renderer.render(lights)
+                start = time.process_time()
+                off = (renderer.render(lights) - truth)[inside, :3]
+                ms = 1e3 * (time.process_time() - start)
+            error = math.sqrt(np.mean(off**2) / np.mean(truth[inside, :3] ** 2))
+            yield {
+                "stage": "opengl",
+                "case": f"soft shadows, {name}, 96×72 of 2×2, CPU time",
+                "system": f"turns of {interleaving} × {interleaving}",
+                "ms": ms,
+                "ratio": None,
+                "accuracy": {"rel. RMSE": error},
+            }
+
+
+def _discs(count: int, seed: int) -> LightSet:
+    points = random_lights(count, seed, lowest=0.3)
+    return replace(points, angular_radius_rad=np.full(count, _RADIUS_RAD))
+
+
+def _turned(vectors: np.ndarray, angle_rad: float) -> np.ndarray:
+    """Return vectors (..., 3) turned about the vertical."""
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    return vectors @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
