@@ -19,7 +19,7 @@ HEIGHT_M = 2.0
 
 
 def seen_from(place):
-    """Return a lamp that gives 1 on a level surface in the middle, as a camera at `place` sees it."""
+    """Return a lamp that gives 1 on a level surface in the middle, as seen from `place`."""
     to_lamp = np.array([0.0, HEIGHT_M, 0.0]) - place
     apart_m = np.linalg.norm(to_lamp)
     irradiance = np.full((1, 3), (HEIGHT_M / apart_m) ** 2)
