@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from capture.arrays import read_only
@@ -114,20 +115,49 @@ def spread_over_cells(
     directions, irradiance, radius_rad : (K, 3), (K, 3), (K,) float64
         As in `LightSet`. A light none of whose disc is in a cell is lost.
     """
-    points = cells.points.reshape(-1, 3)
     cell = 0.5 * cells.width_rad
     radius = np.sqrt(np.maximum(radius_rad**2 - cell**2, cell**2))
     soft = cell / np.sqrt(cells.points.shape[1])
     inner, outer = np.cos(radius - soft), np.cos(np.minimum(radius + soft, np.pi))
-    cosine = directions @ points.T
-    share = np.clip((cosine - outer[:, None]) / (inner - outer)[:, None], 0.0, 1.0)
-    total = share.sum(axis=1, keepdims=True)
-    share = np.divide(share, total, out=share, where=total > 0)
-    per_cell = share.reshape(len(directions), *cells.points.shape[:2]).sum(axis=2)
+    middles, extent_rad = _middles(cells)
+    near = np.cos(np.minimum(radius + soft + extent_rad, np.pi))
+    per_cell = _shares(directions, cells.points, middles, inner, outer, near)
     received = (per_cell * (directions @ cells.points.mean(axis=1).T)).sum(axis=1)
     facing = (1 + np.cos(radius_rad)) / 2
     gain = np.divide(facing, received, out=np.zeros_like(facing), where=received > 0)
     return per_cell.T @ (gain[:, None] * irradiance)
+
+
+@cache
+def _middles(cells: DirectionCells) -> tuple[Array, float]:
+    """Return the middles of cells, (D, 3), and the farthest from them that a point is."""
+    middles = cells.points.mean(axis=1)
+    middles /= np.linalg.norm(middles, axis=1, keepdims=True)
+    cosine = np.einsum("dsc,dc->ds", cells.points, middles).min()
+    return middles, float(np.arccos(cosine))
+
+
+@njit(cache=True, nogil=True)
+def _shares(
+    directions: Array, points: Array, middles: Array, inner: Array, outer: Array, near: Array
+) -> Array:  # pragma: no cover - compiled
+    """Return which share of each disc lies in each cell, (K, D): its edge is soft."""
+    shares = np.zeros((len(directions), len(points)))
+    for k in range(len(directions)):
+        x, y, z = directions[k]
+        total = 0.0
+        for cell in range(len(points)):
+            if x * middles[cell, 0] + y * middles[cell, 1] + z * middles[cell, 2] < near[k]:
+                continue
+            for s in range(points.shape[1]):
+                point = points[cell, s]
+                cosine = x * point[0] + y * point[1] + z * point[2]
+                share = (cosine - outer[k]) / (inner[k] - outer[k])
+                shares[k, cell] += min(max(share, 0.0), 1.0)
+            total += shares[k, cell]
+        if total > 0:
+            shares[k] /= total
+    return shares
 
 
 def map_over_cells(radiance: NDArray[np.floating], *, upper_only: bool) -> Array:
