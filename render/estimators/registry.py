@@ -8,6 +8,7 @@ from render.estimators.brdf_sampling import brdf, cosine
 from render.estimators.contract import Prepare
 from render.estimators.environment_sampling import inverse_cdf, strata
 from render.estimators.fixed_lights import fixed_lights
+from render.estimators.irradiance_cache import irradiance_cache
 from render.estimators.multiple_importance import BALANCE, POWER, multiple_importance
 from render.estimators.points import hammersley, independent, net
 from render.estimators.resampling import rejection, resampling
@@ -35,11 +36,12 @@ _UNBIASED: Mapping[str, Prepare] = {
     "shared-product": shared_product,
 }
 
-_FIXED: Mapping[str, Prepare] = {
-    f"lights-{method}": partial(fixed_lights, method) for method in METHODS
+_BIASED: Mapping[str, Prepare] = {
+    "irradiance-cache": irradiance_cache,
+    **{f"lights-{method}": partial(fixed_lights, method) for method in METHODS},
 }
 
-ESTIMATORS: Mapping[str, Prepare] = {**_UNBIASED, **_FIXED}
+ESTIMATORS: Mapping[str, Prepare] = {**_UNBIASED, **_BIASED}
 
 UNBIASED = frozenset(_UNBIASED)
 """Those whose passes have the truth as their mean: their spread is all of their error."""

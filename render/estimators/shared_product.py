@@ -16,6 +16,7 @@ import math
 
 import numpy as np
 from numba import njit, prange
+from numpy.typing import NDArray
 
 from render.estimators.block_response import respond
 from render.estimators.contract import Estimate, Floats, Setting, Shadows
@@ -24,6 +25,8 @@ from render.estimators.points import random
 from render.estimators.shading import CARRIED, FIELDS, TOWARD, add_visible, reflect, start_at
 from render.rays.embree import PACKET, packet
 from render.reference.surfaces import HIT
+
+Array = NDArray[np.float64]
 
 
 def shared_product(setting: Setting) -> Estimate:
@@ -78,7 +81,7 @@ def _add(
 
 
 @njit(nogil=True, error_model="numpy")
-def _set_shares(runs: LightRuns, surface: Floats, share: Floats) -> float:  # pragma: no cover
+def _set_shares(runs: LightRuns, surface: Floats, share: Array) -> float:  # pragma: no cover
     """Set how much of the directions each run gets, and return the sum before it was made 1."""
     each = np.zeros(PACKET, np.float32)
     whole = 0.0

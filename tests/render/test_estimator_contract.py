@@ -70,14 +70,14 @@ def test_many_fixed_lights_come_near_the_sum_over_the_sky(name, held):
     assert off < 0.05
 
 
-@pytest.mark.parametrize("name", [*sorted(UNBIASED), *FIXED])
+@pytest.mark.parametrize("name", [*sorted(UNBIASED), *FIXED, "irradiance-cache"])
 def test_a_black_map_gives_black(name, held):
     assert not estimates(
         name, estimator_scene.environment(np.zeros((4, 8, 3))), held, copies=2
     ).any()
 
 
-@pytest.mark.parametrize("name", [*sorted(UNBIASED), *FIXED])
+@pytest.mark.parametrize("name", [*sorted(UNBIASED), *FIXED, "irradiance-cache"])
 def test_a_map_of_one_pixel_gives_numbers(name, held):
     radiance = np.zeros((32, 64, 3))
     radiance[5, 20] = 1e4

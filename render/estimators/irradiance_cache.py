@@ -1,0 +1,178 @@
+"""Irradiance interpolated between few places where it is measured well; mirrors by their lobe.
+
+Where no record of irradiance_records.py fits a surface, one is measured there. Records are kept
+for all later passes of the picture.
+
+Fails  : passes do not tell the error of records, which stays as it is; a sun is met by few rays of
+         a record or none, so irradiance is blotched by it, and hard shadows are smoothed away. A
+         dielectric's matt part is dimmed by Fresnel's share toward the eye.
+
+References
+----------
+.. [1] P. Debevec, "Image-Based Lighting", IEEE Computer Graphics and Applications 22(2), 2002: with
+       Ward's RADIANCE, which caches irradiance so.
+"""
+
+import math
+from functools import cache
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from render.estimators.brdf_sampling import brdf
+from render.estimators.contract import Estimate, Floats, Setting, Shadows
+from render.estimators.irradiance_records import (
+    FIELDS,
+    PLACE,
+    RADIUS,
+    Array,
+    add_irradiance,
+    fit,
+    measure,
+)
+from render.estimators.map_tables import MapTables, map_tables
+from render.rays.embree import PACKET, intersect16_address
+from render.reference.surfaces import F0, F90, HIT, MATT, NORMAL, ORIGIN, TO_EYE
+
+ERROR = 0.2
+"""Ward's `a`: records are used where their estimated error is below this."""
+
+_STRATA_PER_SAMPLE = 64
+_FIRST_CAPACITY = 1024
+_LEAST_RADIUS = 0.03  # of the meshes': records would crowd where things touch
+_GOLDEN = 0.6180339887498949
+
+
+def irradiance_cache(setting: Setting) -> Estimate:
+    """Prepare an empty cache; a record takes 64 times as many rays as there are samples."""
+    tables = map_tables(setting.environment)
+    mirrors = brdf(setting)
+
+    @cache
+    def records_of(_samples: int) -> list[Array]:
+        return [np.zeros((0, FIELDS))]
+
+    def estimate(surfaces: Floats, samples: int, seed: int, radiance: Floats) -> int:
+        held = records_of(samples)
+        rings = max(round(math.sqrt(_STRATA_PER_SAMPLE * samples / math.pi)), 2)
+        known = len(held[0])
+        held[0] = _filled(setting.shadows, tables, rings, surfaces, seed, held[0])
+        _interpolate(held[0], surfaces, radiance)
+        traced = (len(held[0]) - known) * rings * round(math.pi * rings)
+        if surfaces[:, F90].any():
+            mirroring = surfaces.copy()
+            mirroring[:, MATT : MATT + 3] = 0
+            mirroring[:, HIT] *= mirroring[:, F90] > 0
+            traced += mirrors(mirroring, samples, seed, radiance)
+        return traced
+
+    return estimate
+
+
+def _filled(
+    shadows: Shadows, tables: MapTables, rings: int, surfaces: Floats, seed: int, records: Array
+) -> Array:
+    """Return records with those added that surfaces lack, one after another."""
+    order = np.argsort(np.arange(len(surfaces)) * _GOLDEN % 1)
+    first = 0
+    while first < len(order):
+        room = np.zeros((max(2 * len(records), _FIRST_CAPACITY), FIELDS))
+        room[: len(records)] = records
+        first, count = _fill(
+            intersect16_address(), shadows, tables, rings, surfaces, order[first:], seed, room,
+            len(records), first,
+        )  # fmt: skip
+        records = room[:count]
+    return records
+
+
+@njit(cache=True, nogil=True)
+def _fill(
+    function: int,
+    shadows: Shadows,
+    tables: MapTables,
+    rings: int,
+    surfaces: Floats,
+    order: NDArray[np.int64],
+    seed: int,
+    records: Array,
+    count: int,
+    done: int,
+) -> tuple[int, int]:  # pragma: no cover - compiled
+    """Add records until there is no more room; return how many packets are done, and records."""
+    near = np.empty(len(records), np.int64)
+    for k in order:
+        surface = surfaces[k]
+        number = _gather(records, count, surface, near)
+        for i in range(PACKET):
+            if surface[HIT, i] == 0:
+                continue
+            is_known = False
+            for n in range(number):
+                is_known |= fit(records[near[n]], surface, i) > 1 / ERROR
+            if is_known:
+                continue
+            if count == len(records):
+                return done, count
+            measure(
+                function, shadows.scene, shadows.lowest, tables, rings,
+                _LEAST_RADIUS * shadows.sphere[3], surface, i, seed + k, records[count],
+            )  # fmt: skip
+            near[number] = count
+            number, count = number + 1, count + 1
+        done += 1
+    return done, count
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def _interpolate(records: Array, surfaces: Floats, radiance: Floats) -> None:  # pragma: no cover
+    for k in prange(len(surfaces)):
+        surface = surfaces[k]
+        if surface[HIT].max() == 0:
+            continue
+        near = np.empty(len(records), np.int64)
+        number = _gather(records, len(records), surface, near)
+        irradiance = np.zeros(3)
+        for i in range(PACKET):
+            if surface[HIT, i] == 0:
+                continue
+            irradiance[:] = 0
+            whole = 0.0
+            for n in range(number):
+                weight = fit(records[near[n]], surface, i)
+                if weight > 1 / ERROR:
+                    whole += weight
+                    add_irradiance(records[near[n]], weight, surface, i, irradiance)
+            n_v = 0.0
+            for axis in range(3):
+                n_v += surface[NORMAL + axis, i] * surface[TO_EYE + axis, i]
+            grazing = (1 - min(n_v, 1.0)) ** 5
+            for c in range(3):
+                fresnel = surface[F0 + c, i] + (surface[F90, i] - surface[F0 + c, i]) * grazing
+                matt = (1 - fresnel) * surface[MATT + c, i]
+                radiance[k, c, i] += matt * irradiance[c] / whole
+
+
+@njit(nogil=True)
+def _gather(
+    records: Array, count: int, surface: Floats, near: NDArray[np.int64]
+) -> int:  # pragma: no cover - compiled
+    """Set `near` to the records that may fit any surface of a packet; return their number."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for i in range(PACKET):
+        if surface[HIT, i] > 0:
+            for axis in range(3):
+                low[axis] = min(low[axis], surface[ORIGIN + axis, i])
+                high[axis] = max(high[axis], surface[ORIGIN + axis, i])
+    number = 0
+    for r in range(count):
+        apart2 = 0.0
+        for axis in range(3):
+            place = records[r, PLACE + axis]
+            step = max(low[axis] - place, place - high[axis], 0.0)
+            apart2 += step * step
+        if apart2 <= (ERROR * records[r, RADIUS]) ** 2:
+            near[number] = r
+            number += 1
+    return number
