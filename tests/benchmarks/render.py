@@ -17,6 +17,7 @@ import numpy as np
 
 from lighting.light_set import LightSet
 from render.baked.renderer import BakedRenderer
+from render.baked.roaming import RoamingRenderer
 from render.moving.renderer import MovingRenderer
 from render.moving.shared_rays import Effort
 from render.opengl.context import create_context, describe
@@ -40,6 +41,7 @@ def run(repeats: int) -> list[dict[str, Any]]:
             *_parts(context, repeats),
             *_baked(repeats),
             *_moving(few),
+            *_roaming(few),
             *_peer(context, few),
             *_soft(context, few),
         ]
@@ -130,6 +132,29 @@ def _moving(repeats: int) -> list[dict[str, Any]]:
                 ms = 1e3 * (time.process_time() - start) / repeats
             error = math.sqrt(np.mean(off**2) / np.mean(truth[hit, :3] ** 2))
             row = _row(f"everything moves, {name}, CPU time", f"rays, {case}", ms)
+            rows.append({**row, "accuracy": {"rel. RMSE": error}})
+    return rows
+
+
+def _roaming(repeats: int) -> list[dict[str, Any]]:
+    """Error and CPU time as in `_moving`, of what stands; the light changes in every picture."""
+    scene, camera = default_scene()
+    around = [replace(camera, eye=camera.eye + 0.02 * step) for step in range(repeats)]
+    rows = []
+    every = Effort(key_lights=LIGHT_COUNT, key_share=0.0, key_rays=16, soft_rad=math.inf)
+    matt = Material((0.6, 0.5, 0.4), specular=0.0)  # mirrors show other things here than there
+    scene = replace(scene, meshes=tuple(replace(mesh, material=matt) for mesh in scene.meshes))
+    with RoamingRenderer(scene) as renderer, MovingRenderer(scene, camera, effort=every) as exact:
+        for name, lights in _light_cases().items():
+            truth = exact.render(lights)
+            hit = truth[..., 3] > 0
+            off = (renderer.render(camera, lights) - truth)[hit, :3]
+            start = time.process_time()
+            for step, view in enumerate(around):
+                renderer.render(view, replace(lights, irradiance=(1 + step) * lights.irradiance))
+            ms = 1e3 * (time.process_time() - start) / repeats
+            error = math.sqrt(np.mean(off**2) / np.mean(truth[hit, :3] ** 2))
+            row = _row(f"camera moves, {name}, matt, CPU time", "points and rays", ms)
             rows.append({**row, "accuracy": {"rel. RMSE": error}})
     return rows
 
