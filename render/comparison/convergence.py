@@ -5,11 +5,12 @@ on; the reference (render/reference) stands beside them. What a picture errs by 
 pass, bias and noise together.
 
 Input  : cases.    Output : measurements, their means over the maps, a CSV of all.
-A time is that of a pass after the first, without what is prepared before it: tables of the map,
-the tree of the scene. That is `setup_ms`.
+A time is the CPU time, of all cores together, of a pass after the first, without what is prepared
+before it: tables of the map, the tree of the scene. That is `setup_ms`. Unlike time on the clock it
+is nearly the same while others use the machine.
 Cost   : some minutes for three scenes and three maps; what was measured before is not measured
          again as long as scene, map, machine and code are the same.
-Fails  : times of a busy machine are too long, each by another factor.
+Fails  : what waits for another core costs nothing here: the reference's pools are drawn on one.
 """
 
 import math
@@ -37,7 +38,7 @@ ALL = "all"
 
 _PASSES = 3
 _SLOW_S = 2.0
-"""A pass that takes longer is not repeated, and the estimator not tried with more samples."""
+"""A pass that takes more is not repeated, and the estimator not tried with more samples."""
 
 
 class Convergence(msgspec.Struct, frozen=True):
@@ -117,9 +118,9 @@ def time_in(scene: str) -> str:
 
 
 def _estimator(case: Case, name: str, samples: int) -> Convergence:
-    start = time.perf_counter()
+    start = time.process_time()
     with passes_of(name, case.scene, case.camera, case.environment, samples=samples) as add:
-        setup_ms = 1e3 * (time.perf_counter() - start)
+        setup_ms = 1e3 * (time.process_time() - start)
 
         def draw(number: int) -> tuple[np.ndarray, int]:
             sums = nothing_yet(case.camera.size_px).sums
@@ -153,9 +154,9 @@ def _measured(
 ) -> Convergence:
     times_s, squares = [], []
     for number in range(1, 1 + _PASSES):
-        start = time.perf_counter()
+        start = time.process_time()
         picture, rays = draw(number)
-        times_s.append(time.perf_counter() - start)
+        times_s.append(time.process_time() - start)
         squares.append(relative_rmse(picture, case.truth()) ** 2)
         if times_s[-1] > _SLOW_S:
             break

@@ -17,8 +17,8 @@ def _time_in(scene: str) -> Cost:
 
 CONVERGENCE_CHART = Chart(
     "Direct light by every estimator: error against time",
-    "Band: nothing else is both cheaper and truer; beside it, samples per pixel. Time is that of a "
-    "pass, error relative RMSE, geometric means.",
+    "Band: nothing else is both cheaper and truer; beside it, samples per pixel. Time is CPU "
+    "time of a pass, error relative RMSE; geometric means.",
     (
         Panel("Diffuse", "diffuse", _time_in("diffuse")),
         Panel("Glossy", "glossy", _time_in("glossy")),

@@ -27,6 +27,7 @@ AddPass = Callable[[int, int, Sums], None]
 """Adds pass `number` to sums, with `factor` times the rays of the first one."""
 
 _PASSES = 8  # that are aimed at
+_LONGEST_PASS_S = 10.0  # what an interruption may cost
 
 
 @dataclass(eq=False)
@@ -79,7 +80,8 @@ def accumulate(
     """Add passes until the relative error is `error` or the seconds are over.
 
     If far more passes were needed than tell their spread, they begin anew with more rays each, up
-    to `most_factor` times as many: those of one pass err less together than those of many.
+    to `most_factor` times as many: those of one pass err less together than those of many. But none
+    should take longer than some seconds, for it is lost when it is interrupted.
 
     Parameters
     ----------
@@ -131,7 +133,8 @@ def _grow(progress: Progress, error: float, seconds: float, most_factor: int) ->
     wanted = LEAST_PASSES * (progress.relative_error / error) ** 2 if error else math.inf
     affordable = (seconds - progress.elapsed_s) / progress.pass_s
     larger = min(wanted, affordable) / _PASSES
-    progress.factor = 2 ** int(math.log2(min(max(larger, 1), most_factor)))
+    most = min(most_factor, _LONGEST_PASS_S / progress.pass_s)
+    progress.factor = 2 ** int(math.log2(max(min(larger, most), 1)))
     if progress.factor > 1:
         progress.sums = _no_sums(*progress.sums.radiance.shape[:2])
         progress.passes = 0

@@ -10,6 +10,7 @@ from capture.exr import read_exr
 from lighting.light_files import write_lights
 from lighting.maps.environment import EnvironmentMap
 from render import reference_cli
+from render.reference import accumulation
 from render.reference.accumulation import (
     LEAST_PASSES,
     accumulate,
@@ -111,6 +112,14 @@ def test_passes_grow_once_and_those_before_do_not_count():
     assert told[4:] == [(4 + n, n, 32) for n in range(1, len(told) - 3)]
     assert 10 < progress.passes < 16
     assert progress.sums.radiance.mean() / progress.passes == pytest.approx(1, abs=0.01)
+
+
+def test_passes_do_not_grow_beyond_some_seconds(monkeypatch):
+    monkeypatch.setattr(accumulation, "_LONGEST_PASS_S", 0.0)
+    progress = nothing_yet((40, 30))
+    accumulate(noise, progress, error=0.2, most_factor=64)
+    assert progress.factor == 1
+    assert progress.passes > 20
 
 
 def test_the_time_counts_from_before_the_interruption():
