@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from render.baked.renderer import BakedRenderer
+from render.baked.roaming import RoamingRenderer
 from render.moving.renderer import MovingRenderer
 from render.moving.shared_rays import Effort
 from render.opengl.context import GlUnavailable, create_context
@@ -28,7 +29,8 @@ Way = Callable[[Scene, Camera], AbstractContextManager[Draw]]
 """Makes ready to draw a scene from a camera, and frees what that took in the end."""
 
 RAYS, TRANSPORT, SHADOW_MAPS = "rays", "transport", "shadow maps"
-MAIN_WAYS = (RAYS, TRANSPORT, SHADOW_MAPS)
+ROAMING = "transport, camera moves"
+MAIN_WAYS = (RAYS, TRANSPORT, ROAMING, SHADOW_MAPS)
 """As they are used; the others differ from one of them in a setting."""
 
 _STEP_M = 1e-3  # that the camera moves from frame to frame
@@ -39,14 +41,14 @@ _TURN_RAD = np.radians(0.5)  # that all lights turn about the vertical
 def ways() -> Iterator[Mapping[str, Way]]:
     """Give the ways by name, good as long as the context lasts: without OpenGL those without.
 
-    "rays" draw what moves; "transport" needs scene and camera to stand; "shadow maps" are drawn
-    anew because lights turn. n × n pixels share the looking at weak lights: 4 × 4 unless the name
+    Lights turn in all of them; with "rays" objects and camera move too, with "transport" neither,
+    otherwise the camera does. n × n pixels share the looking at weak lights: 4 × 4 unless the name
     says another number. Shadow maps of weak lights have 256² texels or what the name says.
     """
     found: dict[str, Way] = {
         RAYS if side == 4 else f"{RAYS}, {side}×{side}": partial(_rays, side) for side in (4, 2, 1)
     }
-    found[TRANSPORT] = _transport
+    found |= {TRANSPORT: _transport, ROAMING: _roaming}
     try:
         context = create_context()
     except GlUnavailable:
@@ -70,14 +72,17 @@ def turned(lights: LightSet, frame: int) -> LightSet:
     return replace(lights, directions=lights.directions @ turn.T)
 
 
+def _moved(camera: Camera, frame: int) -> Camera:
+    return replace(camera, eye=camera.eye + _STEP_M * frame)
+
+
 @contextmanager
 def _rays(side: int, scene: Scene, camera: Camera) -> Iterator[Draw]:
     with MovingRenderer(scene, camera, effort=Effort(interleaving=side)) as renderer:
 
         def draw(lights: LightSet, environment: EnvironmentMap, frame: int) -> NDArray[np.float32]:
             # Other objects of the same shape: all triangles count as moved.
-            eye = camera.eye + _STEP_M * frame
-            renderer.move(replace(scene), replace(camera, eye=eye))
+            renderer.move(replace(scene), _moved(camera, frame))
             return renderer.render(turned(lights, frame), environment)
 
         yield draw
@@ -90,8 +95,21 @@ def _transport(scene: Scene, camera: Camera) -> Iterator[Draw]:
 
 
 @contextmanager
+def _roaming(scene: Scene, camera: Camera) -> Iterator[Draw]:
+    with RoamingRenderer(scene) as renderer:
+        yield lambda lights, environment, frame: renderer.render(
+            _moved(camera, frame), turned(lights, frame), environment
+        )
+
+
+@contextmanager
 def _shadow_maps(
     context: moderngl.Context, side: int, map_px: int, scene: Scene, camera: Camera
 ) -> Iterator[Draw]:
     with Renderer(context, scene, camera, interleaving=side, map_px=map_px) as renderer:
-        yield lambda lights, environment, frame: renderer.render(turned(lights, frame), environment)
+
+        def draw(lights: LightSet, environment: EnvironmentMap, frame: int) -> NDArray[np.float32]:
+            renderer.look_from(_moved(camera, frame))
+            return renderer.render(turned(lights, frame), environment)
+
+        yield draw
