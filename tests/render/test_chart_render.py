@@ -16,10 +16,12 @@ from lighting.measures.chart import Point
 from render import chart_cli
 from render.chart_cli import chart_render
 from render.measures import chart, growth, truths
+from render.measures import ways as measured_ways
 from render.measures.chart_drawing import ERROR_CHART, GROWTH_CHART
 from render.measures.chart_scenes import chart_maps, chart_scenes, map_digest, view_digest
 from render.measures.picture_errors import Truth, away_from_outlines, mean_flip, relative_rmse
-from render.measures.ways import MAIN_WAYS, turned, ways
+from render.measures.ways import MAIN_WAYS, SHADOW_MAPS, turned, ways
+from render.opengl.context import GlUnavailable
 from render.scenes.casters import gather_casters
 from render.scenes.default_scene import sphere
 from render.scenes.scene import Camera, Ground, Material, Scene
@@ -204,6 +206,15 @@ def test_every_way_draws_the_same_scene():
             rmse = np.sqrt(np.mean((still - true) ** 2) / np.mean(true**2))
             assert rmse < 0.1, name
             assert np.abs(moved - still).max() > 0.01, name
+
+
+def test_without_opengl_the_other_ways_are_left(monkeypatch):
+    def refuse():
+        raise GlUnavailable("no EGL")
+
+    monkeypatch.setattr(measured_ways, "create_context", refuse)
+    with ways() as found:
+        assert set(MAIN_WAYS) - set(found) == {SHADOW_MAPS}
 
 
 def test_a_way_is_opened_once_and_each_count_drawn_and_timed():
