@@ -39,7 +39,7 @@ def filled_set(random, count):
     return replace(random_set(random, count), fill=coefficients)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=25)
 @given(seed=SEEDS)
 def test_weights_of_places_are_shares_and_the_nearest_has_the_largest(seed):
     random = np.random.default_rng(seed)
@@ -58,7 +58,7 @@ def test_weights_fall_with_the_square_of_the_distance_and_at_a_place_it_alone_co
     np.testing.assert_array_equal(place_weights([(1, 1, 1)] * 2, (1, 1, 1)), [0.5, 0.5])
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=25)
 @given(seed=SEEDS, elapsed_s=st.floats(0.0, 2.0))
 def test_shown_weights_stay_shares_change_at_most_so_fast_and_arrive(seed, elapsed_s):
     random = np.random.default_rng(seed)
@@ -70,7 +70,7 @@ def test_shown_weights_stay_shares_change_at_most_so_fast_and_arrive(seed, elaps
     np.testing.assert_array_equal(followed_weights(shown, wanted, FADE_S), wanted)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=25)
 @given(seed=SEEDS)
 def test_a_blend_has_the_weighted_light_of_its_parts(seed):
     random = np.random.default_rng(seed)

@@ -55,7 +55,7 @@ class Watched:
         self.desk.begin_watching()
         self.moments = []
         self._act = act
-        self._end_s = time.monotonic() + 20
+        self._end_s = time.monotonic() + 60
         self.desk.listen(self._take)
 
     def _take(self):
