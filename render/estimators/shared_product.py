@@ -61,8 +61,9 @@ def _add(
         if _set_shares(runs, surface, share) == 0:
             continue
         run, upto = -1, 0.0
+        start = random(seed, k, 0, 0)  # one for all: even steps err a fifth less than jitter
         for s in range(samples):
-            target = (s + random(seed, k, 0, s)) / samples
+            target = (s + start) / samples
             while run < 0 or (target >= upto and run < count - 1):
                 run += 1
                 upto += share[run]
