@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from calibration.report.elements import row, section, table
 from calibration.report.theme import DARK, LIGHT, css_variables
-from render.claims.contract import verdict
+from render.claims.contract import CONFIRMED, verdict
 from render.claims.occlusion import CONES_DEG, DISTANCES_M, occlusion_grid
 from render.claims.registry import Checked
 from render.comparison.equal_time import Shown
@@ -29,6 +29,10 @@ from render.output.view import auto_exposure_ev, to_display
 FULL_ERROR = 0.3
 """Error of a pixel, over the mean of the true picture, that is the brightest colour."""
 
+_CAPTION = (
+    "Truest first. Errors are relative, away from outlines; what a picture says of itself is of all "
+    f"its pixels. Colours show where it errs, the brightest by {100 * FULL_ERROR:g} % of the mean."
+)
 _QUALITY = 88
 
 Bytes = NDArray[np.uint8]
@@ -141,6 +145,7 @@ def _map(name: str, sections: Sequence[Section]) -> str:
         )
         rows.append(f'<tr><th scope="row">{escape(estimator)}</th>{cells}</tr>\n')
     body = (
+        f'<p class="muted">{_CAPTION}</p>'
         '<div class="wide"><table class="gallery"><thead><tr><td></td>'
         f"{headings}</tr></thead><tbody>\n{''.join(rows)}</tbody></table></div>"
     )
@@ -161,7 +166,7 @@ def _claims(checked: Sequence[Checked]) -> str:
     overview = [
         row([claim.name, claim.says, claim.source, verdict(findings)], kind)
         for claim, findings in checked
-        for kind in ["" if "not" in verdict(findings) else "held"]
+        for kind in ["held" if verdict(findings) == CONFIRMED else ""]
     ]
     parts = [table("", ["Claim", "In words", "Source", "Found here"], overview)]
     for claim, findings in checked:

@@ -74,6 +74,7 @@ def test_writes_charts_tables_and_a_page_that_needs_nothing_else(map_path, tmp_p
 
     page = (output / "gallery.html").read_text()
     assert "so they &lt;say&gt;" in page
+    assert page.count('<tr class="held">') == 1
     # Truth, two estimators with errors, for three scenes; two strips of spheres; nine occlusions.
     assert page.count("data:image/webp") == 3 * (1 + 2 * 2) + 2 + 9
     assert not re.findall(r'(?:src|href|srcset)="(?!data:)', page)
