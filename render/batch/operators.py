@@ -6,7 +6,7 @@ Cost   : a second or two a megapixel to make; then the memory of `build_remap` a
 
 import hashlib
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
@@ -42,22 +42,27 @@ def operators_of(job: Job) -> Operators:
     by_blocks = settings.needs_lights and settings.plan.method in BLOCK_METHODS
     with kernels:
         return _operators(
-            job.calibration_path,
-            job.calibration_digest,
+            _CalibrationFile(job.calibration_digest, job.calibration_path),
             settings.map_height if settings.needs_map else None,
             settings.plan.block_rows if by_blocks else None,
         )
 
 
+@dataclass(frozen=True)
+class _CalibrationFile:
+    """Recordings of one camera have a copy each: what is in it counts, not where it is."""
+
+    digest: str
+    path: Path | None = field(compare=False)
+
+
 @lru_cache(maxsize=1)
-def _operators(
-    path: Path | None, digest: str, map_height: int | None, block_rows: int | None
-) -> Operators:
-    if path is None:
+def _operators(file: _CalibrationFile, map_height: int | None, block_rows: int | None) -> Operators:
+    if file.path is None:
         return Operators(None, None)
-    if hashlib.sha256(read_bytes(path)).hexdigest() != digest:
-        raise InputError(f"{path}: changed while the batch was at work; start it again")
-    calibration = read_calibration(path)
+    if hashlib.sha256(read_bytes(file.path)).hexdigest() != file.digest:
+        raise InputError(f"{file.path}: changed while the batch was at work; start it again")
+    calibration = read_calibration(file.path)
     return Operators(
         None if map_height is None else build_remap(calibration, map_height),
         None if block_rows is None else build_source_blocks(calibration, block_rows),

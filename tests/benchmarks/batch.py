@@ -1,9 +1,9 @@
 """Many frames by several processes, and what dealing them out costs.
 
 Brackets of 3 JPEGs of 512² px become maps of 1024×512 and 64 lights, both written. Peer: the same
-stages one after the other in this process with one thread, as a worker has; and with all of this
-machine's. Times are per frame from the first run to the last, without starting the processes; CPU
-time is that of all processes, and tells on a busy machine what `ms` would be on an idle one.
+stages one after the other in this process, on one core, as a worker has; and on all. Times are per
+frame, without starting the processes; CPU time is that of all of them together, and tells on a busy
+machine what `ms` would be on an idle one.
 
 Runs that take no time at all show what dealing them out costs the client, the scheduler and the
 workers: milliseconds of their CPU time per frame.
@@ -62,16 +62,17 @@ def run(_repeats: int) -> list[dict[str, Any]]:
     """Return a row for each number of workers and peer, and for dealing out."""
     cores = len(os.sched_getaffinity(0))
     with tempfile.TemporaryDirectory() as folder:
-        recording = record_again_and_again(Path(folder), FRAMES)
+        recording = record_again_and_again(Path(folder) / "timed", FRAMES)
+        warming = record_again_and_again(Path(folder) / "warming", 4 * cores)
         output = Path(folder) / "out"
         times: dict[str, _Times] = {}
-        for threads in dict.fromkeys((1, cores)):
-            name = f"one after the other, {threads} {'thread' if threads == 1 else 'threads'}"
-            times[name] = _timed_replay(recording, output, threads)
+        for count in dict.fromkeys((1, cores)):
+            name = f"one after the other, {count} {'core' if count == 1 else 'cores'}"
+            times[name] = _timed_replay(recording, output, count)
         for workers in dict.fromkeys((1, 2, cores)):
             name = f"batch, {workers} {'worker' if workers == 1 else 'workers'}"
-            times[name] = _timed_batch(recording, output, workers)
-    sequential = times["one after the other, 1 thread"]
+            times[name] = _timed_batch(recording, warming, output, workers)
+    sequential = times["one after the other, 1 core"]
     rows = [
         {
             "stage": "batch",
@@ -98,6 +99,7 @@ def run(_repeats: int) -> list[dict[str, Any]]:
 
 def record_again_and_again(folder: Path, frames: int) -> Path:
     """Return a recording of so many brackets, all of a few that were simulated."""
+    folder.mkdir()
     calibration_path = folder / "calibration.json"
     write_calibration(calibration_path, CAMERA)
     simulated = min(SIMULATED, frames)
@@ -130,7 +132,7 @@ def record_again_and_again(folder: Path, frames: int) -> Path:
     return path
 
 
-def _timed_replay(recording_path: Path, output: Path, threads: int) -> _Times:
+def _timed_replay(recording_path: Path, output: Path, core_count: int) -> _Times:
     """Return milliseconds a frame of the stages in this process."""
     recording = open_recording(recording_path)
     assert recording.calibration_path is not None
@@ -140,8 +142,9 @@ def _timed_replay(recording_path: Path, output: Path, threads: int) -> _Times:
     picture_memory, memory = PictureMemory(), None
     shutil.rmtree(output, ignore_errors=True)
     output.mkdir()
-    most = numba.get_num_threads()
-    numba.set_num_threads(threads)
+    cores, most = os.sched_getaffinity(0), numba.get_num_threads()
+    os.sched_setaffinity(0, sorted(cores)[:core_count])  # for the decoders' threads too
+    numba.set_num_threads(min(core_count, most))
     start_s = start_cpu_s = 0.0
     for position in range(-1, FRAMES):
         if position == 0:
@@ -156,16 +159,16 @@ def _timed_replay(recording_path: Path, output: Path, threads: int) -> _Times:
         write_environment(output / f"{position}.exr", environment)
         write_lights(output / f"{position}.json", lights, force=True)
     numba.set_num_threads(most)
+    os.sched_setaffinity(0, cores)
     return _Times(
         1e3 * (time.perf_counter() - start_s) / FRAMES,
         1e3 * (time.process_time() - start_cpu_s) / FRAMES,
     )
 
 
-def _timed_batch(recording: Path, output: Path, workers: int) -> _Times:
-    """Return milliseconds a frame, from when each worker had its first run done."""
+def _timed_batch(recording: Path, warming: Path, output: Path, workers: int) -> _Times:
+    """Return milliseconds a frame of processes that have seen a few frames before."""
     shutil.rmtree(output, ignore_errors=True)
-    done: list[tuple[int, float, float]] = []
     with (
         LocalCluster(
             n_workers=workers,
@@ -174,19 +177,16 @@ def _timed_batch(recording: Path, output: Path, workers: int) -> _Times:
         ) as cluster,
         Client(cluster, set_as_default=False) as client,
     ):
-
-        def note(count: int, _is_kept: bool) -> None:
-            cpu_s = time.process_time() + sum(client.run(time.process_time).values())
-            done.append((count, time.perf_counter(), cpu_s))
-
-        summary = run_batch(
-            [recording], output, SETTINGS, scheduler=cluster.scheduler_address, on_frames=note
-        )
+        address = cluster.scheduler_address
+        run_batch([warming], output / "warming", SETTINGS, scheduler=address, run_length=1)
+        start_s, start_cpu_s = time.perf_counter(), _cpu_s(client)
+        summary = run_batch([recording], output / "timed", SETTINGS, scheduler=address)
+        wall_s, cpu_s = time.perf_counter() - start_s, _cpu_s(client) - start_cpu_s
     if summary.made != FRAMES:
         raise AssertionError(summary)
-    counts, wall_s, cpu_s = (np.array(each) for each in zip(*done[workers - 1 :], strict=True))
-    frames = int(counts[1:].sum())
-    return _Times(
-        float(1e3 * (wall_s[-1] - wall_s[0]) / frames),
-        float(1e3 * (cpu_s[-1] - cpu_s[0]) / frames),
-    )
+    return _Times(1e3 * wall_s / FRAMES, 1e3 * cpu_s / FRAMES)
+
+
+def _cpu_s(client: Client) -> float:
+    """Return the CPU time of this process and of all workers."""
+    return time.process_time() + sum(client.run(time.process_time).values())
