@@ -251,14 +251,23 @@ def test_taking_turns_takes_nothing_from_what_is_seen(ctx):
 
 
 def test_turns_are_shared_on_one_surface_only(ctx):
-    # A lit plate before the shadow that it throws on the ground: each shows one value, to its edge.
+    # A lit plate beside the shadow that it throws on the ground: it stays lit up to its edge.
     scene = Scene((box((-1, 0.5, -1), (1, 0.52, 1)),), Ground(0.0, (1, 1, 1)))
     camera = Camera(np.array([0.0, 4.0, 0.001]), np.zeros(3), math.radians(50), (48, 48))
-    overhead = np.repeat([[0.0, 1.0, 0.0]], 20, axis=0)
-    many = LightSet(overhead, np.ones((20, 3)) / 20, np.zeros(20))
+    slanting = np.repeat([[0.6, 0.8, 0.0]], 20, axis=0)
+    many = LightSet(slanting, np.ones((20, 3)) / 20, np.zeros(20))
     result = math.pi * picture(ctx, scene, camera, many, interleaving=INTERLEAVING)[..., 0]
-    expected = math.pi * picture(ctx, scene, camera, one_light((0, 1, 0)))[..., 0]
-    assert_allclose(result, expected, atol=1e-5)
+    assert result.min() < 0.3  # the shadow, to the left
+    assert_allclose(result[11:-11, 11:-11], 0.8, atol=1e-5)
+
+
+def test_a_wall_hides_all_of_a_disc_that_is_half_below_the_horizon(ctx):
+    floor, wall = box((-1, -0.1, -1), (1, 0, 1)), box((1, -0.1, -3), (1.1, 3, 3))
+    camera = Camera(np.array([0.5, 2.0, 0.001]), np.array([0.5, 0, 0]), 0.1, (8, 8))
+    light = one_light((1, 0, 0), angular_radius_rad=0.3)
+    lit = picture(ctx, Scene((floor,), None), camera, light)[..., 0]
+    hidden = picture(ctx, Scene((floor, wall), None), camera, light)[..., 0]
+    assert hidden.mean() < 0.15 * lit.mean()
 
 
 def test_more_lights_than_the_atlas_holds_take_turns(ctx):
