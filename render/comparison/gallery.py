@@ -30,8 +30,8 @@ FULL_ERROR = 0.3
 """Error of a pixel, over the mean of the true picture, that is the brightest colour."""
 
 _CAPTION = (
-    "Truest first. Errors are relative, away from outlines; what a picture says of itself is of all "
-    f"its pixels. Colours show where it errs, the brightest by {100 * FULL_ERROR:g} % of the mean."
+    "Truest first. Errors are relative, away from outlines; what a picture says of itself is of "
+    f"all pixels. Colours show where it errs, the brightest by {100 * FULL_ERROR:g} % of the mean."
 )
 _QUALITY = 88
 
