@@ -12,6 +12,8 @@ from render.baked import surface_points as points_module
 from render.baked.renderer import BakedRenderer
 from render.baked.roaming import RoamingRenderer
 from render.baked.surface_points import add_irradiance, surface_points
+from render.moving.renderer import MovingRenderer
+from render.moving.shared_rays import Effort
 from render.rays.first_hits import (
     FIELDS,
     KIND,
@@ -64,8 +66,14 @@ def test_between_points_light_that_is_linear_stays_so():
     slope = np.array([[0.1, 0.2, -0.1], [-0.3, 0.1, 0.0], [0.2, 0.1, 0.4]])
     picture = interpolated(points, surfaces, camera.size_px, points.positions @ slope + 3)
     hit = seen[..., KIND] != NOTHING
-    expected = seen[..., MATT : MATT + 3] * (seen[..., POSITION : POSITION + 3] @ slope + 3)
+    matt = seen[..., MATT : MATT + 3]
+    expected = matt * (seen[..., POSITION : POSITION + 3] @ slope + 3)
     np.testing.assert_allclose(picture[hit], expected[hit], rtol=1e-4, atol=1e-4)
+    # And of no other points than those around, or it would overshoot.
+    noise = np.random.default_rng(1).integers(0, 2, points.positions.shape)
+    share = interpolated(points, surfaces, camera.size_px, noise)[hit] / matt[hit]
+    assert -1e-4 < share.min() < 0.01
+    assert 0.99 < share.max() < 1 + 1e-4
 
 
 def test_beyond_the_grids_nothing_is_shaded():
@@ -133,10 +141,17 @@ def test_map_and_mirrors_are_those_of_baked_pictures():
     seen = np.ones((32, 64), bool)
     environment = EnvironmentMap(radiance, seen, ~seen)
     lights = replace(one_light((0.4, 1.0, 0.3), angular_radius_rad=0.1), fill=uniform_fill(0.5))
-    with BakedRenderer(scene, camera) as baked, RoamingRenderer(scene) as roaming:
+    with (
+        BakedRenderer(scene, camera) as baked,
+        RoamingRenderer(scene) as roaming,
+        MovingRenderer(scene, camera, effort=Effort(interleaving=1)) as moving,
+    ):
         for through_ground in (False, True):
             expected = baked.render(lights, environment, through_ground=through_ground)
-            picture = roaming.render(camera, lights, environment, through_ground=through_ground)
-            np.testing.assert_array_equal(picture[..., 3], expected[..., 3])
-            off = (picture - expected)[..., :3]
-            assert math.sqrt(np.mean(off**2) / np.mean(expected[..., :3] ** 2)) < 0.03
+            for picture in (
+                roaming.render(camera, lights, environment, through_ground=through_ground),
+                moving.render(lights, environment, through_ground=through_ground),
+            ):
+                np.testing.assert_array_equal(picture[..., 3], expected[..., 3])
+                off = (picture - expected)[..., :3]
+                assert math.sqrt(np.mean(off**2) / np.mean(expected[..., :3] ** 2)) < 0.05
