@@ -99,7 +99,10 @@ def test_point_lights_as_shadow_maps_draw_them(ctx):
     scene, camera = default_scene((64, 48))
     scene = replace(scene, meshes=tuple(replace(mesh, material=MATT) for mesh in scene.meshes))
     lights = random_lights(6, seed=4)
-    with Renderer(ctx, scene, camera) as drawn, BakedRenderer(scene, camera) as renderer:
+    with (
+        Renderer(ctx, scene, camera, interleaving=1) as drawn,
+        BakedRenderer(scene, camera) as renderer,
+    ):
         expected, picture = drawn.render(lights)[..., :3], renderer.render(lights)[..., :3]
     differs = np.abs(picture - expected).max(axis=-1) > 0.02 * expected.mean()
     assert differs.mean() < 0.02
