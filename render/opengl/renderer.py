@@ -63,8 +63,8 @@ class Renderer:
     samples_per_axis : int
         Each pixel is the mean of its square of samples, a box filter in linear radiance.
     interleaving : int
-        4: of 4 × 4 samples each looks whether it sees a sixteenth of the lights that are no key
-        lights, and takes over from its neighbours what they saw; 1: each looks at all lights.
+        n = 1, 2 or 4: of n × n samples each looks whether it sees one in n² of the lights that are
+        no key lights, and takes over from its neighbours what they saw of the others.
     map_px : int
         Largest shadow map of a light that is no key light.
 
@@ -85,6 +85,8 @@ class Renderer:
     ) -> None:
         if samples_per_axis < 1:
             raise InputError(f"a pixel needs at least one sample, got {samples_per_axis} per axis")
+        if interleaving not in (1, 2, 4):
+            raise InputError(f"1, 2 or 4 samples in a row share lights, not {interleaving}")
         self._context = context
         self._scene = scene
         self._camera = camera

@@ -36,8 +36,8 @@ class LightPass:
     gbuffer : GBuffer
     eye : (3,) float64
     side : int
-        n of n × n pixels that share the looking at lights: 1 or 4. The picture must have as many
-        rows and columns.
+        n of n × n pixels that share the looking at lights: 1, 2 or 4. The picture must have as
+        many rows and columns.
     """
 
     def __init__(self, context: moderngl.Context, gbuffer: GBuffer, eye: Array, side: int) -> None:
@@ -62,7 +62,7 @@ class LightPass:
         self._see = context.vertex_array(self._see_program, [])
         self._shade = context.vertex_array(self._shade_program, [])
         self._textures = [*gbuffer.textures, ("visible", self._visible)]
-        self._neighbours = _Neighbours(context, gbuffer) if side > 1 else None
+        self._neighbours = _Neighbours(context, gbuffer, side) if side > 1 else None
         if self._neighbours is not None:
             self._textures.append(("same_surface", self._neighbours.same))
         for program in (self._see_program, self._shade_program):
@@ -135,12 +135,12 @@ class LightPass:
 class _Neighbours:
     """Which neighbours of each pixel show its surface, as same_surface.frag has it: `same`."""
 
-    def __init__(self, context: moderngl.Context, gbuffer: GBuffer) -> None:
+    def __init__(self, context: moderngl.Context, gbuffer: GBuffer, side: int) -> None:
         self._context = context
         self._gbuffer = gbuffer
         self.same = context.texture(gbuffer.size_px, 2, dtype="u4")
         self.same.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self._program = load_program(context, "screen.vert", "same_surface.frag")
+        self._program = load_program(context, "screen.vert", "same_surface.frag", SIDE=side)
         self._framebuffer = context.framebuffer([self.same])
         self._screen = context.vertex_array(self._program, [])
         for unit, (name, _) in enumerate(gbuffer.textures):

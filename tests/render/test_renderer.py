@@ -246,8 +246,9 @@ def test_taking_turns_takes_nothing_from_what_is_seen(ctx):
     # A convex body alone: each sample sees all lights that its face looks at.
     scene = ball_scene(replace(BALL, ground=None), rings=12)
     lights = uniform_lights(64)
-    pictures = [picture(ctx, scene, BALL_CAMERA, lights, interleaving=n) for n in (1, 4)]
+    pictures = [picture(ctx, scene, BALL_CAMERA, lights, interleaving=n) for n in (1, 2, 4)]
     assert_allclose(pictures[1], pictures[0], rtol=1e-6)
+    assert_allclose(pictures[2], pictures[0], rtol=1e-6)
 
 
 def test_turns_are_shared_on_one_surface_only(ctx):
@@ -432,6 +433,11 @@ def test_another_camera_sees_what_a_new_renderer_would(ctx):
         ctx, ball_scene(rings=12), other, lights, background=background, interleaving=INTERLEAVING
     )
     assert_array_equal(moved, expected)
+
+
+def test_how_many_samples_share_is_a_power_of_two(ctx):
+    with pytest.raises(InputError, match="not 3"):
+        Renderer(ctx, ball_scene(rings=8), BALL_CAMERA, interleaving=3)
 
 
 def test_a_renderer_can_follow_another(ctx):

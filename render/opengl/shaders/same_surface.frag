@@ -37,11 +37,11 @@ void main() {
             if (is_same) set(same, ivec2(x, y));
         }
     }
-    for (int turn = 0; turn < 16; turn++) {
+    for (int turn = 0; turn < SIDE * SIDE; turn++) {
         uvec2 having = uvec2(0u);
         for (int i = 0; i < 4; i++) {
-            ivec2 way = ivec2(turn % 4, turn / 4) - 4 * ivec2(i & 1, i >> 1);
-            if (min(way.x, way.y) > -4) set(having, way);
+            ivec2 way = ivec2(turn % SIDE, turn / SIDE) - SIDE * ivec2(i & 1, i >> 1);
+            if (min(way.x, way.y) > -SIDE) set(having, way);
         }
         if ((same & having) == uvec2(0u)) same |= hit & having;
     }
