@@ -18,7 +18,7 @@ _BAND = "Band: nothing else is both cheaper and truer; beside it, the number of 
 
 ERROR_CHART = Chart(
     "Pictures under an environment map: error against time",
-    f"{_BAND} Grey: with another setting. Lights turn in all; with rays, everything moves.",
+    f"{_BAND} Grey: with another setting. Lights turn. All stands with transport, none with rays.",
     (
         Panel("Relative RMSE, median", RMSE),
         Panel("FLIP, median: how different it looks", FLIP),

@@ -29,7 +29,7 @@ Way = Callable[[Scene, Camera], AbstractContextManager[Draw]]
 """Makes ready to draw a scene from a camera, and frees what that took in the end."""
 
 RAYS, TRANSPORT, SHADOW_MAPS = "rays", "transport", "shadow maps"
-ROAMING = "transport, camera moves"
+ROAMING = "roaming"
 MAIN_WAYS = (RAYS, TRANSPORT, ROAMING, SHADOW_MAPS)
 """As they are used; the others differ from one of them in a setting."""
 
@@ -42,8 +42,9 @@ def ways() -> Iterator[Mapping[str, Way]]:
     """Give the ways by name, good as long as the context lasts: without OpenGL those without.
 
     Lights turn in all of them; with "rays" objects and camera move too, with "transport" neither,
-    otherwise the camera does. n × n pixels share the looking at weak lights: 4 × 4 unless the name
-    says another number. Shadow maps of weak lights have 256² texels or what the name says.
+    otherwise the camera does: "roaming" is transport that may be looked at from anywhere. n × n
+    pixels share the looking at weak lights: 4 × 4 unless the name says another number. Shadow maps
+    of weak lights have 256² texels or what the name says.
     """
     found: dict[str, Way] = {
         RAYS if side == 4 else f"{RAYS}, {side}×{side}": partial(_rays, side) for side in (4, 2, 1)
@@ -57,9 +58,9 @@ def ways() -> Iterator[Mapping[str, Way]]:
     with context:
         for name, side, map_px in (
             (SHADOW_MAPS, 4, 256),
-            (f"{SHADOW_MAPS}, 128²", 4, 128),
-            (f"{SHADOW_MAPS}, 512²", 4, 512),
-            (f"{SHADOW_MAPS}, 1×1", 1, 256),
+            ("maps, 128²", 4, 128),
+            ("maps, 512²", 4, 512),
+            ("maps, 1×1", 1, 256),
         ):
             found[name] = partial(_shadow_maps, context, side, map_px)
         yield found
