@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import msgspec
 import numba
 import numpy as np
-from distributed import Client, LocalCluster
+from distributed import Client
 
 from calibration.camera import UP, Calibration
 from calibration.files import read_calibration, write_calibration
@@ -39,6 +39,7 @@ from lighting.simulation.scenario import scenario
 from lighting.simulation.simulate import simulate_recording
 from lighting.stream.light_stream import LightPlan, next_lights
 from render.batch.batch import run_batch
+from render.batch.cluster import connected
 from render.batch.runs import Settings
 from tests.benchmarks.million_frames import simulate_batch
 from tests.environments import outdoors
@@ -169,15 +170,8 @@ def _timed_replay(recording_path: Path, output: Path, core_count: int) -> _Times
 def _timed_batch(recording: Path, warming: Path, output: Path, workers: int) -> _Times:
     """Return milliseconds a frame of processes that have seen a few frames before."""
     shutil.rmtree(output, ignore_errors=True)
-    with (
-        LocalCluster(
-            n_workers=workers,
-            threads_per_worker=max(1, len(os.sched_getaffinity(0)) // workers),
-            dashboard_address="127.0.0.1:0",
-        ) as cluster,
-        Client(cluster, set_as_default=False) as client,
-    ):
-        address = cluster.scheduler_address
+    with connected(None, workers) as client:
+        address = client.scheduler.address
         run_batch([warming], output / "warming", SETTINGS, scheduler=address, run_length=1)
         start_s, start_cpu_s = time.perf_counter(), _cpu_s(client)
         summary = run_batch([recording], output / "timed", SETTINGS, scheduler=address)
