@@ -84,7 +84,7 @@ def trace_picture(
     if known is None:
         known = nothing_yet(camera.size_px)
     else:
-        print(f"{place}: goes on from pass {known.passes}, error {known.relative_error:.2%}")
+        print(f"{place}: goes on from {_how_far(known)}")
     with _bar() as bar:
         shown = bar.add_task("tracing", total=1.0)
         kept_s = time.monotonic()
@@ -95,8 +95,7 @@ def trace_picture(
                 write_checkpoint(place, now, digest)
                 kept_s = time.monotonic()
             done = max((error / now.relative_error) ** 2, now.elapsed_s / limit_s)
-            about = f"pass {now.passes}, error {now.relative_error:.2%}"
-            bar.update(shown, completed=done, description=about)
+            bar.update(shown, completed=done, description=_how_far(now))
 
         render = render_reference if estimator is None else partial(estimate_picture, estimator)
         return render(
@@ -145,6 +144,12 @@ def _seen_behind(background: EnvironmentMap, camera: Camera) -> NDArray[np.float
     at = map_coordinates(rays)
     look_up(np.ascontiguousarray(background.radiance), at, np.arange(len(rays)), seen)
     return seen.reshape(height, n, width, n, 3).mean(axis=(1, 3), dtype=np.float32)
+
+
+def _how_far(progress: Progress) -> str:
+    known = math.isfinite(progress.relative_error)
+    error = f", error {progress.relative_error:.2%}" if known else ""
+    return f"pass {progress.passes}{error}"
 
 
 def _bar() -> ProgressBar:

@@ -178,7 +178,7 @@ def test_the_command_goes_on_and_leaves_only_the_picture(tmp_path, monkeypatch, 
     monkeypatch.setattr(reference_cli, "write_checkpoint", write)
     capsys.readouterr()
     render(output=output, error=0.5, **arguments)
-    assert "goes on from pass 3" in capsys.readouterr().out
+    assert "goes on from pass 3\n" in capsys.readouterr().out
     assert {path.name for path in tmp_path.iterdir()} == {"lights.json", "p.exr", "whole.exr"}
     for name, channel in read_exr(output).channels.items():
         assert_array_equal(channel, read_exr(tmp_path / "whole.exr").channels[name])
