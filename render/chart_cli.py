@@ -91,12 +91,16 @@ def chart_render(
     write_text(tables[0], chart.as_csv(rows))
     write_text(tables[1], chart.as_csv(grew))
     points = chart.points_of(rows) + growth.points_of(grew)
-    about = (
-        f"{_all_of(scenes, 'scene')} under {_all_of(maps, 'map')}, {SIZE_PX[0]}×{SIZE_PX[1]}. "
-        f"The reference's own noise has a FLIP of {median(row.least_flip for row in rows):.1%}."
-    )
+    about = {
+        ERROR_CHART: f"{_all_of(scenes, 'scene')} under {_all_of(maps, 'map')}, "
+        f"{SIZE_PX[0]}×{SIZE_PX[1]}. "
+        f"The reference's own noise has a FLIP of {median(row.least_flip for row in rows):.1%}.",
+        GROWTH_CHART: f"With lights: medians over the other chart's scenes and maps. Otherwise "
+        f"{growth.LIGHTS} lights of {next(iter(maps))}; a ball of so many triangles, the default "
+        "scene in so many pixels.",
+    }
     for path, theme, what in pictures:
-        draw(points, what, MAIN_WAYS, about, path, theme)
+        draw(points, what, MAIN_WAYS, about[what], path, theme)
     print(
         f"{output}: {len(rows) + len(grew)} measurements of {len(compared)} ways, "
         f"{_all_of(scenes, 'scene')} under {_all_of(maps, 'map')}"
