@@ -108,7 +108,7 @@ def test_a_single_wide_light(radius_deg):
 
 
 def test_a_mirror_stays_dark_where_no_light_is():
-    """Only lights are reflected, not the map: a polished ball in an empty sky is black."""
+    """Without a map only lights are reflected: a polished ball in an empty sky is black."""
     metal = Material((1.0, 1.0, 1.0), roughness=0.1, metalness=1.0)
     camera = Camera(np.array([0.0, 0.5, 3.0]), np.array([0.0, 0.5, 0.0]), 0.6, (32, 32))
     scene = Scene((sphere((0, 0.5, 0), 0.5, metal, 32),), None)
