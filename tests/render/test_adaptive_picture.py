@@ -2,13 +2,13 @@
 
 A matt sphere on the ground, in the first map of each bundled recording. The truth is ray-cast: the
 sun or lamp with its extent, and of the map without it a point in every cell of 32 rows. Mean
-absolute difference over the mean, outlines left out:
+absolute difference over the mean, outlines left out, every pixel looking at all lights:
 
 | 64 lights                            | outdoor | indoor |
 |--------------------------------------|---------|--------|
-| adaptive: key lights, cells and fill | 0.28 %  | 0.81 % |
-| cells, drawn with their extents      | 0.39 %  | 1.07 % |
-| cells, drawn as points               | 0.91 %  | 1.68 % |
+| adaptive: key lights, cells and fill | 0.26 %  | 0.65 % |
+| cells, drawn with their extents      | 0.33 %  | 0.69 % |
+| cells, drawn as points               | 0.90 %  | 1.68 % |
 """
 
 from dataclasses import replace
@@ -57,7 +57,7 @@ def true_picture(moment: Moment):
     return sum(trace(BALL, CAMERA, part)[INSIDE, :3] for part in parts)
 
 
-@pytest.mark.parametrize(("name", "bound"), [("outdoor", 0.004), ("indoor", 0.01)])
+@pytest.mark.parametrize(("name", "bound"), [("outdoor", 0.0035), ("indoor", 0.008)])
 def test_adaptive_lights_are_nearer_to_the_truth_than_points(ctx, name, bound):
     moment = read_truth(RECORDINGS / name / "truth").moments[0]
     view = moment.true_map()
@@ -65,7 +65,7 @@ def test_adaptive_lights_are_nearer_to_the_truth_than_points(ctx, name, bound):
     cells = reduce_to_lights(view, 64, "cells")
     points = replace(cells, angular_radius_rad=np.zeros(64))
     ball = sphere(BALL.centre, BALL.radius_m, BALL.material, 64)
-    with Renderer(ctx, Scene((ball,), BALL.ground), CAMERA) as renderer:
+    with Renderer(ctx, Scene((ball,), BALL.ground), CAMERA, interleaving=1) as renderer:
 
         def error(lights: LightSet) -> float:
             return np.abs(renderer.render(lights)[INSIDE, :3] - truth).mean() / truth.mean()
