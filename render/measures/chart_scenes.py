@@ -41,7 +41,7 @@ def chart_scenes(meshes: Sequence[Path], size_px: tuple[int, int]) -> dict[str, 
         If a file cannot be read.
     """
     if meshes:
-        return {path.stem: frame_meshes(load_meshes(path).meshes, size_px) for path in meshes}
+        return {str(path): frame_meshes(load_meshes(path).meshes, size_px) for path in meshes}
     objects, camera = default_scene(size_px)
     return {
         "objects": (replace(objects, ground=None), camera),
@@ -62,7 +62,7 @@ def chart_maps(paths: Sequence[Path]) -> dict[str, EnvironmentMap]:
         If a file cannot be read or holds no light.
     """
     if paths:
-        return {path.stem: _read(path) for path in paths}
+        return {str(path): _read(path) for path in paths}
     bundled = {
         path.parent.name: read_truth(path).moments[0].true_map()
         for path in sorted(_RECORDINGS.glob("*/truth"))

@@ -328,7 +328,7 @@ def test_writes_the_charts_and_their_numbers(small, map_path, tmp_path, capsys):
     header, *lines = (output / "render.csv").read_text().splitlines()
     assert header == "scene,map_name,way,count,lights,ms,setup_ms,rmse,flip,least_flip"
     assert [line.split(",")[:4] for line in lines] == [
-        ["ball", "map", way, count] for way in ("dark", "bright") for count in "48"
+        ["ball", str(map_path), way, count] for way in ("dark", "bright") for count in "48"
     ]
     assert lines[0].split(",")[7] == "0.1"
     assert len((output / "growth.csv").read_text().splitlines()) == 1 + 8
