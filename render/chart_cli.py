@@ -95,9 +95,9 @@ def chart_render(
         ERROR_CHART: f"{_all_of(scenes, 'scene')} under {_all_of(maps, 'map')}, "
         f"{SIZE_PX[0]}×{SIZE_PX[1]}. "
         f"The reference's own noise has a FLIP of {median(row.least_flip for row in rows):.1%}.",
-        GROWTH_CHART: f"With lights: medians over the other chart's scenes and maps. Otherwise "
-        f"{growth.LIGHTS} lights of {Path(next(iter(maps))).name}; a ball of so many triangles, the default "
-        "scene in so many pixels.",
+        GROWTH_CHART: "With lights: medians over the other chart's scenes and maps. Otherwise "
+        f"{growth.LIGHTS} lights of {Path(next(iter(maps))).name}; a ball of so many triangles, "
+        "the default scene in so many pixels.",
     }
     for path, theme, what in pictures:
         draw(points, what, MAIN_WAYS, about[what], path, theme)
