@@ -57,7 +57,7 @@ def irradiance_cache(setting: Setting) -> Estimate:
         held = records_of(samples)
         rings = max(round(math.sqrt(_STRATA_PER_SAMPLE * samples / math.pi)), 2)
         known = len(held[0])
-        held[0] = _filled(setting.shadows, tables, rings, surfaces, seed, held[0])
+        held[0] = filled(setting.shadows, tables, rings, surfaces, seed, held[0])
         _interpolate(held[0], surfaces, radiance)
         traced = (len(held[0]) - known) * rings * round(math.pi * rings)
         if surfaces[:, F90].any():
@@ -70,7 +70,7 @@ def irradiance_cache(setting: Setting) -> Estimate:
     return estimate
 
 
-def _filled(
+def filled(
     shadows: Shadows, tables: MapTables, rings: int, surfaces: Floats, seed: int, records: Array
 ) -> Array:
     """Return records with those added that surfaces lack, one after another."""

@@ -5,7 +5,7 @@ import pytest
 from numba import njit
 
 from lighting.sphere.latlong import cell_directions
-from render.estimators.irradiance_cache import irradiance_cache
+from render.estimators.irradiance_cache import filled, irradiance_cache
 from render.estimators.irradiance_records import (
     FIELDS,
     IRRADIANCE,
@@ -13,19 +13,12 @@ from render.estimators.irradiance_records import (
     RADIUS,
     TURNED,
     fit,
-    measure,
 )
 from render.estimators.map_tables import map_tables
-from render.rays.embree import intersect16_address
 from render.reference.surfaces import F90, FACE_NORMAL, HIT, MATT, NORMAL, ORIGIN, TO_EYE
 from tests.render import estimator_scene
 
 RINGS = 40
-
-
-@njit
-def measured(function, scene, tables, rings, surface, seed, record):
-    measure(function, scene, -2.0, tables, rings, 0.01, surface, 0, seed, record)
 
 
 @njit
@@ -60,11 +53,10 @@ def received(surface):
 
 @pytest.fixture(scope="module")
 def record():
-    record = np.zeros(FIELDS)
     with estimator_scene.occluders() as held:
-        measured(
-            intersect16_address(), held.address, map_tables(smooth_map()), RINGS, level(), 1, record
-        )
+        shadows = estimator_scene.setting(smooth_map(), held).shadows
+        tables = map_tables(smooth_map())
+        [record] = filled(shadows, tables, RINGS, level()[None], 1, np.zeros((0, FIELDS)))
     return record
 
 
@@ -104,9 +96,9 @@ def test_a_record_fits_where_it_was_made_and_nowhere_far(record):
 
 def test_a_floor_from_few_records_is_the_sum_over_the_sky():
     rng = np.random.default_rng(3)
-    surfaces = np.repeat(level()[None], 40, axis=0)
-    surfaces[:, ORIGIN, 0], surfaces[:, ORIGIN + 2, 0] = rng.uniform(-1.5, 1.5, (2, 40))
-    radiance = np.zeros((40, 3, 16), np.float32)
+    surfaces = np.repeat(level()[None], 20, axis=0)
+    surfaces[:, ORIGIN, 0], surfaces[:, ORIGIN + 2, 0] = rng.uniform(-1.5, 1.5, (2, 20))
+    radiance = np.zeros((20, 3, 16), np.float32)
     with estimator_scene.occluders() as held:
         estimate = irradiance_cache(estimator_scene.setting(smooth_map(), held))
         first = estimate(surfaces, 64, 0, radiance)
