@@ -44,20 +44,18 @@ class NarrowLight:
 
 
 class NarrowLights:
-    """Remembers the narrow lights of the picture before.
+    """Remembers the narrow lights of the picture before."""
 
-    Parameters
-    ----------
-    trace : callable
-        Returns the transport of a light of a direction (3,) and an angular radius.
-    """
-
-    def __init__(self, trace: Callable[[Array, float], Transport]) -> None:
-        self._trace = trace
+    def __init__(self) -> None:
         self._before: list[NarrowLight] | None = None
 
-    def follow(self, lights: Discs) -> tuple[list[tuple[int, Transport]], NDArray[np.bool_]]:
-        """Return which lights (index) have what transport, and which (K,) have none."""
+    def follow(
+        self, lights: Discs, trace: Callable[[Array, float], Transport]
+    ) -> tuple[list[tuple[int, Transport]], NDArray[np.bool_]]:
+        """Return which lights (index) have what transport, and which (K,) have none.
+
+        `trace` returns the transport of a light of a direction (3,) and an angular radius.
+        """
         is_first = self._before is None
         now, traced = [], 0
         for direction, radius_rad in zip(lights.directions, lights.radius_rad, strict=True):
@@ -66,7 +64,7 @@ class NarrowLights:
             light = replace(light, pictures=light.pictures + 1)
             stands = is_first or (light.pictures >= STANDING and traced == 0)
             if light.transport is None and stands:
-                transport = self._trace(direction, float(radius_rad))
+                transport = trace(direction, float(radius_rad))
                 light = NarrowLight(direction, float(radius_rad), light.pictures, transport)
                 traced += 1
             now.append(light)

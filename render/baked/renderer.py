@@ -87,7 +87,7 @@ class BakedRenderer:
             self._surface[self._mirroring],
             scene.ground is not None,
         )
-        self._narrow, self._rays = NarrowLights(self._trace_light), SharedRays(DEFAULT_EFFORT)
+        self._narrow, self._rays = NarrowLights(), SharedRays(DEFAULT_EFFORT)
 
         rays = picture_rays(camera, (width, height)).reshape(-1, 3)
         self._unseen, self._ground = np.flatnonzero(~seen.hit), np.flatnonzero(seen.ground)
@@ -134,7 +134,7 @@ class BakedRenderer:
                 shown, narrow, None if through_ground else ground, picture
             )
         self._sky.add(light, of_map, picture)
-        traced, moving = self._narrow.follow(narrow)
+        traced, moving = self._narrow.follow(narrow, self._trace_light)
         for index, transport in traced:
             transport.add(narrow.irradiance[[index]], narrow.mirrored[[index]], picture)
         out = self._placed(picture)

@@ -1,6 +1,8 @@
 """Pictures from baked transport against a ray caster, and against the renderer with shadow maps."""
 
+import gc
 import math
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -137,6 +139,19 @@ def test_pictures_add_and_scale(ball):
     np.testing.assert_allclose(
         ball.render(scaled(first, 3))[..., :3], 3 * ball.render(first)[..., :3], rtol=1e-5
     )
+
+
+def test_a_released_renderer_leaves_no_memory_behind():
+    scene, camera = default_scene((32, 24))
+    gc.disable()
+    try:
+        with BakedRenderer(scene, camera) as renderer:
+            renderer.render(random_lights(2, seed=1))
+            alive = weakref.ref(renderer)
+        del renderer
+        assert alive() is None  # 100 MB and more, for each view of somebody who walks around
+    finally:
+        gc.enable()
 
 
 def test_a_picture_depends_on_its_own_lights_alone(ball):

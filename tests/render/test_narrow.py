@@ -1,5 +1,7 @@
 """Which narrow lights are traced, and when: a light that moves on is not."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -28,7 +30,8 @@ def lights(traced):
         traced.append(round(float(np.arctan2(direction[0], direction[2])), 3))
         return f"light {len(traced)}"
 
-    return NarrowLights(trace)
+    remembered = NarrowLights()
+    return SimpleNamespace(follow=lambda discs: remembered.follow(discs, trace))
 
 
 def test_all_lights_of_the_first_picture_are_traced(lights, traced):
