@@ -19,7 +19,7 @@ $(VENV)/.ready: requirements.lock pyproject.toml setup.sh
 guest: ## the system's parts that the camera's tests boot a guest with: QEMU and busybox
 	./setup.sh --guest
 
-browser: ## the system's part that the live page's tests need: Chromium
+browser: ## the system's parts that the live page's and window's tests need: Chromium, Xvfb
 	./setup.sh --browser
 
 demo: setup ## replay the bundled recording: lights, maps, pictures and a video in demo-output/
@@ -29,8 +29,8 @@ demo: setup ## replay the bundled recording: lights, maps, pictures and a video 
 test: setup ## the tests, on two processes; test-slow has the longest
 	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder -q -m "not slow"
 
-test-slow: setup ## the few tests that take longer than ten seconds
-	$(BIN)/python -m pytest -n 2 -q -m slow
+test-slow: setup ## the few tests that take longer than ten seconds, the camera's guest among them
+	$(BIN)/python -m pytest -n 2 --dist loadscope -q -m slow
 
 test-camera: setup guest ## the camera's tests on real kernel drivers, vivid's injected faults included
 	FISHLIGHT_REQUIRE_GUEST=1 $(BIN)/python -m pytest -q tests/camera \

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Makes a virtual environment with everything fishlight needs: setup.sh VENV
 # or only adds what the camera's tests on a kernel driver need: setup.sh --guest
-# or what the tests of the live page need: setup.sh --browser
+# or what the tests of the live page and its window need: setup.sh --browser
 # Python packages come from requirements.lock (versions and hashes); the system's parts are
 # installed where the user may (root, or sudo without a password), otherwise the line is printed.
 set -euo pipefail
@@ -41,7 +41,7 @@ fi
 
 if [ "$venv" = --browser ]; then
     command -v dpkg-query >/dev/null || { say "not a Debian or Ubuntu system: no browser"; exit 0; }
-    install_packages "the browser of the live page's tests" chromium
+    install_packages "the browser and the screen of the live session's tests" chromium xvfb
     exit
 fi
 

@@ -12,6 +12,7 @@ from capture.errors import InputError
 DATA = Path(__file__).resolve().parents[2].parent / "shared/data/calib-urban-fisheye"
 
 
+@pytest.mark.slow
 @pytest.mark.data
 @pytest.mark.skipif(not DATA.is_dir(), reason="../shared/data is not here")
 def test_a_real_fisheye_is_calibrated_to_a_tenth_of_a_pixel(

@@ -33,7 +33,7 @@ from tests.camera.required_guest import run_schedule
 from tests.camera.scene_pictures import UNIT_S, PictureSet, patches, write_pictures
 from tests.camera.uvc_stamp import stamp_of_counts, stamp_of_data
 
-pytestmark = pytest.mark.camera
+pytestmark = [pytest.mark.camera, pytest.mark.slow]
 
 SIDE_PX = 16
 RECORDINGS = ("recorded-YUYV", "replugged-MJPG", "killed-RG16")

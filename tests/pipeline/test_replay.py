@@ -243,14 +243,8 @@ def test_a_recording_of_which_nothing_is_usable_fails(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(
-    "signal_number",
-    [
-        pytest.param(signal.SIGINT, marks=pytest.mark.slow),
-        pytest.param(signal.SIGTERM, marks=pytest.mark.slow),
-        signal.SIGKILL,
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_a_replay_that_is_stopped_leaves_only_whole_files(
     short_recording: Path, tmp_path: Path, signal_number: signal.Signals
 ) -> None:

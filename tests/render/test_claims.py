@@ -121,6 +121,7 @@ def test_spheres_that_are_the_same_do_not_differ():
     assert others == [0.0, 0.0]
 
 
+@pytest.mark.slow
 def test_spreads_are_of_the_same_surfaces_and_fall_with_samples(monkeypatch):
     monkeypatch.setattr(estimated, "SIZE_PX", (16, 8))
     sky = outdoors(8)

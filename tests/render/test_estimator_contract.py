@@ -119,6 +119,7 @@ def test_a_seed_tells_estimates_apart(name, held):
     assert not first[:, :, 15].any()  # no hit
 
 
+@pytest.mark.slow
 def test_a_picture_of_a_plane_under_an_even_map():
     scene = Scene((), Ground(0.0, (0.5, 0.25, 0.75)))
     camera = Camera(np.array([2.0, 2.0, 0.0]), np.zeros(3), 1e-3, (6, 5))

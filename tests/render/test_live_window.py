@@ -4,21 +4,18 @@ import os
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from capture.errors import InputError
-from lighting.light_set import LightSet
-from render.live.desk import Desk, Seen, State
-from render.live.models import load_models
-from render.live.settings import Settings
 from render.live.window import PictureWindow
 from render.main import main
 from render.output.view import to_display
 
-LIGHTS = LightSet(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -41,34 +38,18 @@ def display():
     process.wait(10)
 
 
-def seen(picture):
-    return Seen(LIGHTS, None, None, picture, 0.0, False)
-
-
 @pytest.mark.gl
-def test_the_newest_picture_fills_the_window_as_it_is(display):
+def test_the_newest_picture_fills_the_window_as_it_is(display, tmp_path):
     random = np.random.default_rng(3)
     blocks = random.random((3, 4, 4)).astype(np.float32)
     picture = blocks.repeat(20, axis=0).repeat(20, axis=1)  # 80 × 60
-    desk, read = Desk(Settings(), load_models(())), []
-
-    with PictureWindow((200, 120)) as window:
-
-        def is_over():
-            assert desk.is_watched
-            if not read:
-                desk.publish(State("running"), seen(1 - picture), 0.0, {})
-            if len(read) == 2:
-                desk.publish(State("away", "unplugged"), seen(picture), 0.0, {})
-            pixels = np.frombuffer(window._context.screen.read(components=3), np.uint8)
-            read.append(pixels.reshape(120, 200, 3)[::-1])
-            return len(read) == 5
-
-        window.show(desk, is_over)
-        title = window._window.title
-    assert not desk.is_watched
-    assert title == "fishlight live · away · unplugged"
-    last = read[-1]
+    np.save(tmp_path / "picture.npy", picture)
+    command = [sys.executable, "-m", "tests.render.shown_in_window", "picture.npy", "shown.npy"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "fishlight live · away · unplugged"
+    last = np.load(tmp_path / "shown.npy")
     middles = last[20:120:40, 40:200:40]  # twice as large, between bars of 20 columns
     np.testing.assert_array_equal(middles, to_display(picture, 0.0)[10::20, 10::20])
     assert not last[:, :20].any()

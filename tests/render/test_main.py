@@ -164,13 +164,13 @@ def test_without_egl_render_draws_with_rays_and_says_so(tmp_path):
     assert (tmp_path / "p.png").is_file()
 
 
-def test_without_egl_replay_says_what_to_install_and_writes_nothing(tmp_path):
+def test_without_egl_a_replay_draws_all_the_same(tmp_path):
     recording = Path(__file__).parents[2] / "recordings/outdoor"
-    done = run_without_egl(tmp_path, "replay", str(recording), "-o", "out")
-    assert done.returncode == 2
-    assert done.stderr.count("\n") == 1
-    assert "apt-get install" in done.stderr
-    assert not list(tmp_path.iterdir())
+    done = run_without_egl(
+        tmp_path, "replay", str(recording), "-o", "out", "--size", "64x48", "--height", "64"
+    )
+    assert done.returncode == 0, done.stderr
+    assert list((tmp_path / "out/pictures").glob("*.png"))
 
 
 def test_without_egl_doctor_shows_the_rest_and_fails(tmp_path):
