@@ -11,7 +11,7 @@ NARROW_LIGHTS = 8
 NARROW_SHARE = 0.02
 """The strongest lights that give at least this share of the light, no more than so many."""
 
-PEAK_RAD = np.radians(2.5)
+PEAK_RAD = np.radians(3.0)
 """A narrow light up to this radius is a peak of the map, whose reflection is drawn by itself."""
 
 
