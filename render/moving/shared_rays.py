@@ -67,7 +67,7 @@ class Effort:
     interleaving: int = 4
     key_lights: int = 4
     key_share: float = 0.1
-    key_rays: int = 2
+    key_rays: int = 4
     soft_rad: float = 0.03
     is_softened: bool = True
 
