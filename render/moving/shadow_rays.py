@@ -112,6 +112,7 @@ def _trace_row(
                         points,
                         light,
                         ray,
+                        ray_count[light],
                         (SIDE * first + x) // step,
                         y // step,
                         SIDE // step,
@@ -128,15 +129,23 @@ def _trace_row(
 
 @njit(nogil=True, error_model="numpy")
 def _aim(
-    points: _FLOATS, light: int, ray: int, column: int, line: int, stride: int, rays: _FLOATS
+    points: _FLOATS,
+    light: int,
+    ray: int,
+    ray_count: int,
+    column: int,
+    line: int,
+    stride: int,
+    rays: _FLOATS,
 ) -> None:  # pragma: no cover - compiled
-    """Point the rays at the points of a light's disc whose turn it is: one in 4 × 4 for each."""
+    """Point the rays at the points of a light's disc whose turn it is, of 4 × 4 pixels.
+
+    Points in a row are a pixel's own, as those are spread over the disc.
+    """
     column, line = column + light, line + light // 4
     for i in range(PACKET):
-        which = (
-            POINTS * ray
-            + _TURN[(line + stride * (i // SIDE)) & 3, (column + stride * (i % SIDE)) & 3]
-        )
+        turn = _TURN[(line + stride * (i // SIDE)) & 3, (column + stride * (i % SIDE)) & 3]
+        which = ray_count * turn + ray
         for axis in range(3):
             rays[4 + axis, i] = points[light, which, axis]
 

@@ -9,8 +9,10 @@ import pytest
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from render.moving.renderer import MovingRenderer
+from render.moving.shadow_rays import POINTS, _aim
 from render.moving.shared_rays import Effort, take_turns
 from render.opengl.renderer import Renderer
+from render.rays.embree import packet
 from render.scenes.default_scene import default_scene, sphere
 from render.scenes.scene import Camera, Ground, Material, Scene
 from tests.render.boxes import box
@@ -223,3 +225,18 @@ def test_a_pixel_whose_neighbours_know_too_little_asks_for_itself():
         picture, truth = renderer.render(lights), exact.render(lights)
     error = relative_rmse(picture, truth, truth[..., 3] > 0)
     assert error < 0.1
+
+
+@pytest.mark.parametrize("ray_count", [1, 4])
+def test_rays_of_a_pixel_are_spread_over_the_disc_and_those_of_sixteen_are_all(ray_count):
+    points = np.zeros((1, POINTS * ray_count, 3), np.float32)
+    points[0, :, 0] = np.arange(POINTS * ray_count)
+    sent = np.zeros((ray_count, POINTS))
+    for ray in range(ray_count):
+        rays, _ = packet()
+        _aim(points, 0, ray, ray_count, 0, 0, 1, rays)
+        sent[ray] = rays[4]
+    # Few in a row are spread (disc_net); few that lie apart by a power of 2 are not.
+    assert np.all(np.diff(sent, axis=0) == 1)
+    assert np.all(sent[0] % ray_count == 0)
+    assert sorted(sent.ravel()) == list(range(POINTS * ray_count))
