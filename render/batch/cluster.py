@@ -51,6 +51,8 @@ def connected(scheduler: str | None, worker_count: int | None = None) -> Iterato
             {
                 "distributed.scheduler.allowed-failures": _ALLOWED_FAILURES,
                 "distributed.nanny.pre-spawn-environ": _ENVIRONMENT,
+                # It looks at every thread's stack a hundred times a second.
+                "distributed.worker.profile.enabled": False,
             }
         ),
         LocalCluster(
