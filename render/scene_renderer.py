@@ -12,9 +12,6 @@ Cost   : that of the renderer; tracing the transport takes seconds, in the pictu
 Fails  : the picture changes a little where renderers change: their errors are not the same.
 """
 
-from types import TracebackType
-from typing import Self
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,10 +20,11 @@ from lighting.maps.environment import EnvironmentMap
 from render.baked.renderer import BakedRenderer
 from render.baked.roaming import RoamingRenderer
 from render.moving.renderer import MovingRenderer
+from render.owner import Owner
 from render.scenes.scene import Camera, Scene
 
 
-class SceneRenderer:
+class SceneRenderer(Owner):
     """Draws any scene from any camera under any lights, each picture in the cheapest way.
 
     Owns the renderers: use it as a context manager, from one thread.
@@ -46,17 +44,6 @@ class SceneRenderer:
         self._scene: Scene | None = None
         self._camera: Camera | None = None
         self._of_scene = self._of_camera = 0  # pictures of them so far
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.release()
 
     def release(self) -> None:
         """Free what the renderers own."""

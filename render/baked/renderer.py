@@ -12,8 +12,6 @@ Fails  : light within a cell comes from all of it, so shadows of lights that are
 """
 
 import math
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +29,7 @@ from render.lights.light_map import map_of_lights
 from render.lights.map_pyramid import map_pyramid
 from render.moving.reflected_map import without_peaks
 from render.moving.shared_rays import DEFAULT_EFFORT, Discs, SharedRays
+from render.owner import Owner
 from render.rays.background import (
     look_through,
     look_up,
@@ -51,7 +50,7 @@ _LEAST_ALPHA = 0.01
 _CELL_ROWS = 128
 
 
-class BakedRenderer:
+class BakedRenderer(Owner):
     """Draws one scene from one camera under any light sets, from transport traced beforehand.
 
     Owns Embree's memory: use it as a context manager.
@@ -93,17 +92,6 @@ class BakedRenderer:
         self._unseen, self._ground = np.flatnonzero(~seen.hit), np.flatnonzero(seen.ground)
         self._unseen_at = map_coordinates(rays[self._unseen])
         self._ground_at = map_coordinates(rays[self._ground])
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.release()
 
     def release(self) -> None:
         """Free Embree's memory."""

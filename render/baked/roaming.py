@@ -10,9 +10,6 @@ Cost   : tracing, a second per 30,000 points; a byte per point and cell; a pictu
 Fails  : as in surface_points.py, shared_rays.py and reflected_map.py.
 """
 
-from types import TracebackType
-from typing import Self
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,6 +24,7 @@ from render.lights.map_pyramid import map_pyramid
 from render.moving.reflected_map import add_reflected_map, without_peaks
 from render.moving.shared_rays import DEFAULT_EFFORT, SharedRays
 from render.moving.surroundings import mark_surfaces, show_map
+from render.owner import Owner
 from render.rays.background import with_ground
 from render.rays.embree import occluded16_address
 from render.rays.first_hits import FIELDS, empty_surfaces
@@ -39,7 +37,7 @@ _MAP_ROWS = 128
 _WIDEST = 0.5  # of a cell: rays for every picture cost more than what a wider light loses in cells
 
 
-class RoamingRenderer:
+class RoamingRenderer(Owner):
     """Draws one scene from any camera under any light sets.
 
     Owns Embree's memory: use it as a context manager, from one thread.
@@ -54,17 +52,6 @@ class RoamingRenderer:
         self._surfaces = np.zeros((0, 0, 0, 0), np.float32)
         self._light = np.zeros((0, 3))
         self._irradiance = np.zeros((0, 3), np.float32)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.release()
 
     def release(self) -> None:
         """Free Embree's memory."""

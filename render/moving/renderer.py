@@ -10,9 +10,6 @@ Fails  : as in shared_rays.py and reflected_map.py. One sample per pixel may mis
          and not the map they stand for.
 """
 
-from types import TracebackType
-from typing import Self
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +22,7 @@ from render.lights.reaching_lights import reaching_lights
 from render.moving.reflected_map import ROUGH_ALPHA, add_reflected_map, without_peaks
 from render.moving.shared_rays import DEFAULT_EFFORT, Discs, Effort, SharedRays
 from render.moving.surroundings import mark_surfaces, show_map
+from render.owner import Owner
 from render.rays.background import with_ground
 from render.rays.first_hits import empty_surfaces
 from render.rays.traced_scene import TracedScene
@@ -33,7 +31,7 @@ from render.scenes.scene import Camera, Scene
 Array = NDArray[np.float64]
 
 
-class MovingRenderer:
+class MovingRenderer(Owner):
     """Draws a scene from a camera under any light sets; all three may change from call to call.
 
     Owns Embree's memory: use it as a context manager, from one thread.
@@ -58,17 +56,6 @@ class MovingRenderer:
         self._traced = TracedScene(scene)
         self._rays = SharedRays(effort)
         self._set_camera(camera)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.release()
 
     def release(self) -> None:
         """Free Embree's memory."""

@@ -11,8 +11,6 @@ Fails  : only light that comes straight from the lights is there. A mirror shows
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from types import TracebackType
-from typing import Self
 
 import moderngl
 import numpy as np
@@ -27,6 +25,7 @@ from render.opengl.context import load_program, release, set_uniforms
 from render.opengl.gbuffer import GBuffer
 from render.opengl.shading import LightPass
 from render.opengl.shadows import ATLAS_SIDE_PX, ShadowAtlas
+from render.owner import Owner
 from render.scenes.casters import gather_casters
 from render.scenes.scene import Camera, Scene
 
@@ -49,7 +48,7 @@ Array = NDArray[np.float64]
 Timed = Callable[[str], AbstractContextManager[object]]
 
 
-class Renderer:
+class Renderer(Owner):
     """Draws one scene from one camera under any number of light sets.
 
     What does not depend on the lights is drawn once; a shadow map is drawn again only when its
@@ -115,17 +114,6 @@ class Renderer:
         self._environment = context.texture((1, 1), 3, bytes(12), dtype="f4")
         set_uniforms(self._background_program, position_hit=0, environment=1)
         self._aim_background()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.release()
 
     def look_from(self, camera: Camera) -> None:
         """Draw from another camera from now on, whose pictures have the same size."""

@@ -13,8 +13,7 @@ import ctypes
 import importlib.util
 from functools import cache
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from llvmlite import ir
@@ -23,6 +22,7 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from capture.errors import InputError
+from render.owner import Owner
 
 PACKET = 16
 """Rays of one call."""
@@ -39,7 +39,7 @@ _COHERENT = 1 << 16  # RTC_RAY_QUERY_FLAG_COHERENT
 _ALL_FEATURES = 0xFFFFFFFF  # RTC_FEATURE_FLAG_ALL
 
 
-class Occluders:
+class Occluders(Owner):
     """Triangles that rays may hit. Owns memory of Embree: use it as a context manager.
 
     Parameters
@@ -88,17 +88,6 @@ class Occluders:
         if code:
             self.release()
             raise InputError(f"Embree cannot hold {len(faces)} triangles (its error {code})")
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.release()
 
     @property
     def address(self) -> int:
