@@ -21,7 +21,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator
 
 from capture.output import replacing
 from lighting.measures.chart import Point, pareto_front
-from lighting.measures.themes import THEMES, Theme
+from lighting.measures.themes import THEMES, Theme, settings_of
 
 Cost = Callable[[Point], float]
 
@@ -126,19 +126,7 @@ def draw(
         panel for panel in chart.panels if any(panel.figure in point.errors for point in points)
     ]
     styles = _styles(points, own, panels, chart.favourite, colours)
-    # Fixed ids, so that the same points give the same file.
-    settings: dict[Any, Any] = {
-        "svg.hashsalt": "fishlight",
-        "svg.fonttype": "none",
-        "font.family": "DejaVu Sans",
-        "font.size": 9,
-        "text.color": colours.ink,
-        "axes.labelcolor": colours.ink,
-        "axes.edgecolor": colours.grid,
-        "xtick.color": colours.ink,
-        "ytick.color": colours.ink,
-    }
-    with mpl.rc_context(settings):
+    with mpl.rc_context(settings_of(colours)):
         rows = -(-len(panels) // 2)
         figure = Figure(figsize=(10, 1.0 + 4.3 * rows), facecolor=colours.page)
         inches = figure.get_figheight()

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from capture.errors import InputError
 from capture.output import replacing
 from lighting.measures.sequence_table import FrameRow
-from lighting.measures.themes import THEMES, Theme
+from lighting.measures.themes import THEMES, Theme, settings_of
 
 _DAY_S = 86_400.0
 _MOST_LINES = 5
@@ -108,18 +108,7 @@ def draw_sequence(rows: Sequence[FrameRow], path: Path, theme: str = "light") ->
         raise InputError("there are no lights in the table: nothing to draw over time")
     days = days_of(rows)
     colours = THEMES[theme]
-    settings: dict[Any, Any] = {
-        "svg.hashsalt": "fishlight",  # so that the same rows give the same file
-        "svg.fonttype": "none",
-        "font.family": "DejaVu Sans",
-        "font.size": 9,
-        "text.color": colours.ink,
-        "axes.labelcolor": colours.ink,
-        "axes.edgecolor": colours.grid,
-        "xtick.color": colours.ink,
-        "ytick.color": colours.ink,
-    }
-    with mpl.rc_context(settings):
+    with mpl.rc_context(settings_of(colours)):
         figure = Figure(figsize=(10, 9), facecolor=colours.page)
         figure.text(0.012, 0.968, "Lights over time", fontsize=14, weight="bold")
         figure.text(0.012, 0.945, _about(rows, days), fontsize=8.5)

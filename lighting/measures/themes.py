@@ -1,6 +1,7 @@
 """Colours of charts for light and for dark pages."""
 
 from dataclasses import dataclass
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -27,3 +28,18 @@ THEMES = {
         ("#f0803c", "#4ea8e0", "#2fc39a", "#e39ac6", "#f0b93a"),
     ),
 }  # fmt: skip
+
+
+def settings_of(colours: Theme) -> dict[Any, Any]:
+    """Return matplotlib's settings; ids are fixed, so that the same points give the same file."""
+    return {
+        "svg.hashsalt": "fishlight",
+        "svg.fonttype": "none",
+        "font.family": "DejaVu Sans",
+        "font.size": 9,
+        "text.color": colours.ink,
+        "axes.labelcolor": colours.ink,
+        "axes.edgecolor": colours.grid,
+        "xtick.color": colours.ink,
+        "ytick.color": colours.ink,
+    }
