@@ -2,6 +2,32 @@
 
 from collections.abc import Sequence
 from html import escape
+from importlib.resources import files
+
+from calibration.report.theme import DARK, LIGHT, css_variables
+
+
+def document(title: str, parts: Sequence[str], css: str = "") -> str:
+    """Return a page that needs no other file, in the colours of a report; `css` adds to its own."""
+    own = files("calibration.report").joinpath("page.css").read_text(encoding="utf-8")
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<title>{escape(title)}</title>
+<style>
+:root {{ {css_variables(LIGHT)} }}
+@media screen and (prefers-color-scheme: dark) {{ :root {{ {css_variables(DARK)} }} }}
+{own}{css}</style>
+</head>
+<body>
+<main>
+{"".join(parts)}</main>
+</body>
+</html>
+"""
 
 
 def section(name: str, heading: str, body: str) -> str:

@@ -7,17 +7,16 @@ Cost   : 0.1 s a picture of one megapixel; some 50 kB a view.
 
 from collections.abc import Mapping, Sequence
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 
 from calibration.lens.record import TrialRecord
 from calibration.report.coverage import advice
-from calibration.report.elements import row, section, table
+from calibration.report.elements import document, row, section, table
 from calibration.report.evidence import Evidence
 from calibration.report.figures import Diagram, mrad
-from calibration.report.theme import DARK, LIGHT, css_variables, inline_svg
+from calibration.report.theme import inline_svg
 from calibration.report.view_sections import preview, rejected, views
 
 
@@ -40,7 +39,6 @@ def page(
         The pictures by the names of their views. Those that are not there, cannot be read or have
         another size are done without.
     """
-    css = files("calibration.report").joinpath("page.css").read_text(encoding="utf-8")
     parts = [
         _heading(title, evidence),
         _next(evidence),
@@ -51,24 +49,7 @@ def page(
         views(evidence, pictures),
         rejected(evidence, pictures),
     ]
-    return f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<title>Lens calibration {escape(title)}</title>
-<style>
-:root {{ {css_variables(LIGHT)} }}
-@media screen and (prefers-color-scheme: dark) {{ :root {{ {css_variables(DARK)} }} }}
-{css}</style>
-</head>
-<body>
-<main>
-{"".join(parts)}</main>
-</body>
-</html>
-"""
+    return document(f"Lens calibration {title}", parts)
 
 
 def _heading(title: str, evidence: Evidence) -> str:

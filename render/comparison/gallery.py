@@ -18,8 +18,7 @@ import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.report.elements import row, section, table
-from calibration.report.theme import DARK, LIGHT, css_variables
+from calibration.report.elements import document, row, section, table
 from render.claims.contract import CONFIRMED, verdict
 from render.claims.occlusion import CONES_DEG, DISTANCES_M, occlusion_grid
 from render.claims.registry import Checked
@@ -74,7 +73,6 @@ def gallery(
     about : str
         What was measured, one line.
     """
-    css = files("calibration.report").joinpath("page.css").read_text(encoding="utf-8")
     own = files("render.comparison").joinpath("gallery.css").read_text(encoding="utf-8")
     maps = list(dict.fromkeys(each.map_name for each in sections))
     parts = [
@@ -86,24 +84,7 @@ def gallery(
         _strips(strips),
         _occlusion(),
     ]
-    return f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<title>Estimators of direct light</title>
-<style>
-:root {{ {css_variables(LIGHT)} }}
-@media screen and (prefers-color-scheme: dark) {{ :root {{ {css_variables(DARK)} }} }}
-{css}{own}</style>
-</head>
-<body>
-<main>
-{"".join(parts)}</main>
-</body>
-</html>
-"""
+    return document("Estimators of direct light", parts, own)
 
 
 def error_picture(picture: NDArray[np.float32], truth: NDArray[np.float32]) -> Bytes:
