@@ -1,8 +1,12 @@
 """The session: brackets come in on one thread, pictures are made on another, nothing is lost.
 
 One producer thread owns the source and decodes; the calling thread owns the OpenGL context and
-every numba kernel (numba's default thread pool must not be entered from two threads at once). A
-bounded queue joins them. Every bracket ends in exactly one counter.
+every numba kernel (numba's default thread pool must not be entered from two threads at once). Every
+bracket ends in exactly one counter.
+
+A source that is as fast as it is asked, a recording, is asked for the next bracket when the one
+before it is taken: decoding and the rest overlap, and no bracket lies waiting for longer than one
+takes. With a queue between them each place in it would add that to the latency.
 
 Input  : an iterable of Bracket, or of UnreadableFrame for a bracket that could not be read.
 Output : Counters and per-frame stage times; what is done with a bracket is the caller's `process`.
@@ -14,23 +18,18 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import astuple, dataclass, field
 from enum import Enum
 
 from capture.errors import UnreadableFrame
 from capture.frame import Bracket, FrameSource
 
-QUEUE_LENGTH = 1
-"""Brackets that may wait: with the one that is being decoded, enough to overlap that with the rest;
-each one more adds a frame to the latency."""
-
-
 END_TO_END = "end to end"
 
 
 class Policy(Enum):
-    """What happens to a bracket that arrives while the queue is full."""
+    """What happens to a bracket that arrives while another one waits."""
 
     EVERY = "every bracket in order"
     NEWEST = "the newest bracket wins"
@@ -120,8 +119,8 @@ def run_session(
         Called on this thread with the bracket, the clock whose current frame is this bracket's,
         and the counters so far, of which it counts `merged` and `rendered`.
     policy : Policy
-        EVERY blocks the producer while the queue is full (replay: deterministic); NEWEST drops the
-        oldest waiting bracket (live).
+        EVERY asks the source for a bracket when the one before it is taken (replay:
+        deterministic); NEWEST takes what comes and drops what still waits (live).
     on_failure : callable
         Told of each bracket that could not be read.
     clock : StageClock or None
@@ -153,7 +152,7 @@ def run_session(
 
 
 class _Producer(threading.Thread):
-    """Iterates the source and fills the queue until the end, an exception or `stop`."""
+    """Iterates the source until its end, an exception or `stop`; at most one bracket waits."""
 
     def __init__(self, source: FrameSource, policy: Policy) -> None:
         super().__init__(name="fishlight-producer", daemon=True)
@@ -161,56 +160,50 @@ class _Producer(threading.Thread):
         self.replaced = 0
         self._source = source
         self._policy = policy
-        self._queue: queue.Queue[_Delivery | None] = queue.Queue(
-            1 if policy is Policy.NEWEST else QUEUE_LENGTH
-        )
-        self._stopped = threading.Event()
+        self._waiting: queue.SimpleQueue[_Delivery | None] = queue.SimpleQueue()
+        self._wanted = threading.Semaphore(1)
+        self._is_stopped = False
         self._error: BaseException | None = None
 
     def run(self) -> None:
         try:
-            iterator = iter(self._source)
-            while not self._stopped.is_set():
-                start_s = time.perf_counter()
-                bracket = next(iterator, None)
-                if bracket is None:
-                    break
-                decode_ms = 1e3 * (time.perf_counter() - start_s)
-                if self._put(_Delivery(bracket, start_s, decode_ms)):
-                    self.captured += 1
+            self._deliver()
         except BaseException as error:  # handed to the consumer, which raises it
             self._error = error
         finally:
-            self._put(None)
+            self._waiting.put(None)
 
     def deliveries(self) -> Iterator[_Delivery]:
-        while (delivery := self._queue.get()) is not None:
+        while (delivery := self._waiting.get()) is not None:
+            self._wanted.release()
             yield delivery
         if self._error is not None:
             raise self._error
 
     def stop(self) -> None:
-        """End the thread, whatever it waits for in the queue, and join it."""
-        self._stopped.set()
-        while self.is_alive():
-            self._drain_one()
-            self.join(timeout=0.05)
+        """End the thread once its source has answered, and join it."""
+        self._is_stopped = True
+        self._wanted.release()
+        self.join()
 
-    def _put(self, delivery: _Delivery | None) -> bool:
-        """Queue a delivery by the policy; False if the session stopped meanwhile."""
-        # The end mark displaces nothing: it waits for its place.
-        newest_wins = self._policy is Policy.NEWEST and delivery is not None
-        while not self._stopped.is_set():
-            try:
-                self._queue.put(delivery, block=not newest_wins, timeout=0.05)
-                return True
-            except queue.Full:
-                if newest_wins and self._drain_one():
-                    self.replaced += 1
-        return False
+    def _deliver(self) -> None:
+        iterator = iter(self._source)
+        while True:
+            if self._policy is Policy.EVERY:
+                self._wanted.acquire()
+            if self._is_stopped:
+                return
+            start_s = time.perf_counter()
+            bracket = next(iterator, None)
+            if bracket is None or self._is_stopped:
+                return
+            decode_ms = 1e3 * (time.perf_counter() - start_s)
+            if self._policy is Policy.NEWEST:
+                self._drop_waiting()
+            self.captured += 1
+            self._waiting.put(_Delivery(bracket, start_s, decode_ms))
 
-    def _drain_one(self) -> bool:
-        try:
-            return self._queue.get_nowait() is not None
-        except queue.Empty:
-            return False
+    def _drop_waiting(self) -> None:
+        with suppress(queue.Empty):
+            self._waiting.get_nowait()
+            self.replaced += 1

@@ -9,7 +9,7 @@ import pytest
 
 from capture.errors import UnreadableFrame
 from capture.frame import Bracket, Exposure, Frame
-from render.session import END_TO_END, QUEUE_LENGTH, Counters, Policy, StageClock, run_session
+from render.session import END_TO_END, Counters, Policy, StageClock, run_session
 
 
 def bracket(index: int) -> Bracket:
@@ -60,25 +60,25 @@ def test_a_slow_consumer_of_a_live_source_sees_the_newest_and_counts_the_rest() 
     assert seen[-1] == 29, "the newest bracket is never the one that is dropped"
 
 
-def test_the_queue_is_bounded_when_every_bracket_counts() -> None:
-    produced: list[int] = []
-    consumed: list[int] = []
-    lead: list[int] = []
+def test_a_bracket_is_asked_for_while_the_one_before_it_is_processed() -> None:
+    asked = [threading.Event() for _ in range(6)]
+    early: list[int] = []
 
     def source() -> Iterator[Bracket]:
-        for index in range(15):
-            produced.append(index)
+        for index, event in enumerate(asked):
+            event.set()
             yield bracket(index)
 
     def process(item: Bracket, _clock: StageClock, counters: Counters) -> None:
-        time.sleep(0.005)
-        consumed.append(item.index)
+        if item.index < 5:
+            assert asked[item.index + 1].wait(2.0), "the next one is decoded beside this one"
+        time.sleep(0.01)
+        early.extend(index for index in range(item.index + 2, 6) if asked[index].is_set())
         counters.rendered += 1
-        lead.append(len(produced) - len(consumed))
 
-    run_session(source(), process)
-    # queue + the one being put + the one just decoded
-    assert max(lead) <= QUEUE_LENGTH + 2
+    counters, _ = run_session(source(), process)
+    assert counters.rendered == 6
+    assert not early, "what is decoded earlier only waits, and is late when it is shown"
 
 
 def test_an_unreadable_bracket_is_counted_and_told() -> None:
