@@ -23,7 +23,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from render.lights.map_pyramid import MapPyramid, mean_around
+from render.lights.map_pyramid import MapPyramid, around, mean_over
 from render.rays.embree import PACKET, occluded16, packet
 from render.rays.lobe import lobe_points, lobe_ray, meets
 
@@ -40,24 +40,56 @@ _STOPPED, _TO_SKY, _TO_GROUND = 0, 1, 2
 
 
 @dataclass(frozen=True, eq=False)
-class GlossRays:
-    """The rays of tiles of samples.
+class MapRays:
+    """Rays that meet the map, those of a tile in a row.
 
     Attributes
     ----------
-    rays : (tiles, RAYS, 5, TILE) float32
-        Where they meet the map (u, v, as `background.map_coordinates`); how wide a square of it
-        they look up, in rad; what they pass on of f0 and of f90.
-    met : (tiles, RAYS, TILE) uint8
-        Nothing but the sky, the ground, or something that stops them.
+    starts : (tiles + 1,) int64
+        Where each tile's begin.
+    samples : (n,) uint8
+        Which of the tile's samples each is of.
+    rays : (n, 7) float32
+        Where they meet the map (u, v, as `background.map_coordinates`), what they look up of it
+        (two, of `map_pyramid.around`), and what they pass on of R, G and B.
     """
 
+    starts: NDArray[np.int64]
+    samples: NDArray[np.uint8]
     rays: _FLOATS
-    met: NDArray[np.uint8]
+
+    def add(self, pyramid: MapPyramid, tiles: NDArray[np.intp], picture: _FLOATS) -> None:
+        """Add what they see of a map to those tiles of `picture` (…, 3, TILE)."""
+        _look_up(
+            self.starts, self.samples, self.rays, pyramid.cells, pyramid.starts, tiles, picture
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class GlossRays:
+    """The rays of tiles of samples that nothing stops.
+
+    Attributes
+    ----------
+    to_sky, to_ground : MapRays
+        The latter show the ground, or what the map has there.
+    of_ground : (tiles, 3, TILE) float32
+        What those together pass on of one radiance.
+    """
+
+    to_sky: MapRays
+    to_ground: MapRays
+    of_ground: _FLOATS
 
 
 def trace_gloss(
-    function: int, scene: int, sphere: _FLOATS, surface: _FLOATS, has_ground: bool
+    function: int,
+    scene: int,
+    sphere: _FLOATS,
+    surface: _FLOATS,
+    f0: _FLOATS,
+    f90: _FLOATS,
+    has_ground: bool,
 ) -> GlossRays:
     """Return the rays of samples `surface` (tiles, 14, TILE), as `trace_transport` takes them.
 
@@ -67,36 +99,42 @@ def trace_gloss(
         Addresses of Embree's function and scene.
     sphere : (4,) float32
         Centre and radius of the occluders' bounding sphere.
+    f0, f90 : (tiles, 3, TILE), (tiles, TILE) float32
+        Share of light reflected at normal and at grazing incidence.
     has_ground : bool
         Whether what goes below the horizon meets a ground.
     """
     tiles, _, samples = surface.shape
-    rays = np.zeros((tiles, RAYS, 5, samples), np.float32)
+    rays = np.zeros((tiles, RAYS, samples, 7), np.float32)
     met = np.zeros((tiles, RAYS, samples), np.uint8)
-    _trace(function, scene, sphere, surface, lobe_points(RAYS), has_ground, rays, met)
-    return GlossRays(rays, met)
+    points = lobe_points(RAYS)
+    _trace(function, scene, sphere, surface, f0, f90, points, has_ground, rays, met)
+    shares = np.where(met[..., None] == _TO_GROUND, rays[..., 4:], np.float32(0))
+    of_ground = np.ascontiguousarray(shares.sum(axis=1).swapaxes(1, 2))
+    return GlossRays(_met(rays, met == _TO_SKY), _met(rays, met == _TO_GROUND), of_ground)
+
+
+def _met(rays: _FLOATS, which: NDArray[np.bool_]) -> MapRays:
+    starts = np.concatenate([[0], np.cumsum(which.sum(axis=(1, 2)))])
+    return MapRays(starts, np.nonzero(which)[2].astype(np.uint8), rays[which])
 
 
 def add_reflections(
     gloss: GlossRays,
-    f0: _FLOATS,
-    f90: _FLOATS,
     pyramid: MapPyramid,
     ground: _FLOATS | None,
+    tiles: NDArray[np.intp],
     picture: _FLOATS,
 ) -> None:
-    """Add what samples mirror to `picture` (tiles, 3, TILE).
+    """Add what samples mirror to those tiles of `picture` (…, 3, TILE).
 
-    Parameters
-    ----------
-    f0, f90 : (tiles, 3, TILE), (tiles, TILE) float32
-        Share of light reflected at normal and at grazing incidence.
-    pyramid : MapPyramid
-    ground : (3,) float32 or None
-        Radiance of the ground; what the map shows there if None.
+    `ground`, (3,), is its radiance; what the map shows there if None.
     """
-    radiance = np.full(3, np.nan, np.float32) if ground is None else ground
-    _look_up(gloss.rays, gloss.met, f0, f90, pyramid.cells, pyramid.starts, radiance, picture)
+    gloss.to_sky.add(pyramid, tiles, picture)
+    if ground is None:
+        gloss.to_ground.add(pyramid, tiles, picture)
+    else:
+        picture[tiles] += gloss.of_ground * ground[:, None]
 
 
 @njit(cache=True, nogil=True, parallel=True)
@@ -105,6 +143,8 @@ def _trace(
     scene: int,
     sphere: _FLOATS,
     surface: _FLOATS,
+    f0: _FLOATS,
+    f90: _FLOATS,
     points: NDArray[np.float64],
     has_ground: bool,
     out: _FLOATS,
@@ -126,12 +166,13 @@ def _trace(
                     kind = _TO_GROUND if has_ground and y < 0 else _TO_SKY
                     by_cells = kind == _TO_SKY and part[12, i] >= ROUGH_ALPHA**2
                     met[tile, r, at] = _STOPPED if weight <= 0 or by_cells else kind
-                    level = math.hypot(x, z)
-                    out[tile, r, 0, at] = 0.5 - math.atan2(x, z) / (2 * math.pi)
-                    out[tile, r, 1, at] = math.atan2(level, y) / math.pi
-                    out[tile, r, 2, at] = math.sqrt(share)
-                    out[tile, r, 3, at] = weight * (1 - c5) / points.shape[0]
-                    out[tile, r, 4, at] = weight * c5 / points.shape[0]
+                    ray = out[tile, r, at]
+                    ray[0] = 0.5 - math.atan2(x, z) / (2 * math.pi)
+                    ray[1] = math.atan2(math.hypot(x, z), y) / math.pi
+                    ray[2], ray[3] = around(ray[1], math.sqrt(share))
+                    facing, grazing = weight * (1 - c5), weight * c5 * f90[tile, at]
+                    for c in range(3):
+                        ray[4 + c] = (facing * f0[tile, c, at] + grazing) / points.shape[0]
                 occluded16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
                 for i in range(PACKET):
                     if rays[8, i] < 0:
@@ -140,26 +181,19 @@ def _trace(
 
 @njit(cache=True, nogil=True, parallel=True)
 def _look_up(
-    rays: _FLOATS,
-    met: NDArray[np.uint8],
-    f0: _FLOATS,
-    f90: _FLOATS,
-    levels: _FLOATS,
     starts: NDArray[np.int64],
-    ground: _FLOATS,
+    samples: NDArray[np.uint8],
+    rays: _FLOATS,
+    levels: _FLOATS,
+    level_starts: NDArray[np.int64],
+    tiles: NDArray[np.intp],
     picture: _FLOATS,
 ) -> None:  # pragma: no cover - compiled
-    for tile in prange(rays.shape[0]):
-        for r in range(rays.shape[1]):
-            for i in range(rays.shape[3]):
-                kind = met[tile, r, i]
-                if kind == _STOPPED:
-                    continue
-                facing, grazing = rays[tile, r, 3, i], rays[tile, r, 4, i] * f90[tile, i]
-                red, green, blue = ground[0], ground[1], ground[2]
-                if kind == _TO_SKY or math.isnan(red):
-                    u, v, width = rays[tile, r, 0, i], rays[tile, r, 1, i], rays[tile, r, 2, i]
-                    red, green, blue = mean_around(levels, starts, u, v, width)
-                picture[tile, 0, i] += (facing * f0[tile, 0, i] + grazing) * red
-                picture[tile, 1, i] += (facing * f0[tile, 1, i] + grazing) * green
-                picture[tile, 2, i] += (facing * f0[tile, 2, i] + grazing) * blue
+    for t in prange(len(tiles)):
+        shown = picture[tiles[t]]
+        for k in range(starts[t], starts[t + 1]):
+            ray, i = rays[k], samples[k]
+            red, green, blue = mean_over(levels, level_starts, ray[0], ray[1], ray[2], ray[3])
+            shown[0, i] += ray[4] * red
+            shown[1, i] += ray[5] * green
+            shown[2, i] += ray[6] * blue

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from render.baked.transport import Transport
+from render.baked.transport import NarrowTransport
 from render.moving.shared_rays import Discs
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ class NarrowLight:
     direction: Array
     radius_rad: float
     pictures: int
-    transport: Transport | None
+    transport: NarrowTransport | None
 
     def is_near(self, direction: Array, radius_rad: float) -> bool:
         """Whether a light is so like this one that its transport serves."""
@@ -50,9 +50,9 @@ class NarrowLights:
         self._before: list[NarrowLight] | None = None
 
     def follow(
-        self, lights: Discs, trace: Callable[[Array, float], Transport]
-    ) -> tuple[list[tuple[int, Transport]], NDArray[np.bool_]]:
-        """Return which lights (index) have what transport, and which (K,) have none.
+        self, lights: Discs, trace: Callable[[Array, float], NarrowTransport]
+    ) -> tuple[list[NarrowTransport], NDArray[np.bool_]]:
+        """Return the transport of the lights that have one, and which of all (K,) have none.
 
         `trace` returns the transport of a light of a direction (3,) and an angular radius.
         """
@@ -69,9 +69,5 @@ class NarrowLights:
                 traced += 1
             now.append(light)
         self._before = now
-        found = [
-            (index, light.transport)
-            for index, light in enumerate(now)
-            if light.transport is not None
-        ]
+        found = [light.transport for light in now if light.transport is not None]
         return found, np.array([light.transport is None for light in now], np.bool_)

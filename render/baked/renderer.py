@@ -5,7 +5,7 @@ light) is traced once. A frame is then a product: transport × light, at any num
 
 Input  : a scene, a camera and LightSets.    Output : linear radiance, in the lights' scale.
 Cost   : tracing, seconds; a frame, see tests/benchmarks/render.py; memory, a byte per sample and
-         cell, and 500 for a sample that mirrors. A narrow light that moves costs its rays.
+         cell, and up to 700 for a sample that mirrors. A narrow light that moves costs its rays.
 Fails  : light within a cell comes from all of it, so shadows of lights that are no narrower blur by
          up to a cell (9° across). What mirrors shows the map, and no other object (gloss.py,
          tests/limits/test_render_baked_gloss.py).
@@ -23,7 +23,7 @@ from render.baked.gloss import ROUGH_ALPHA, add_reflections, trace_gloss
 from render.baked.narrow import NarrowLights
 from render.baked.sky_cells import SkyCells, luminance_of_all
 from render.baked.surface_samples import mirror_tint, surface_samples
-from render.baked.transport import Transport
+from render.baked.transport import Colours, NarrowTransport, Transport
 from render.baked.transport_kernel import TILE, place, trace_transport
 from render.lights.light_map import map_of_lights
 from render.lights.map_pyramid import map_pyramid
@@ -43,6 +43,7 @@ from render.rays.traced_scene import TracedScene
 from render.scenes.scene import Camera, Scene
 
 Array = NDArray[np.float64]
+_FLOATS = NDArray[np.float32]
 
 _DISC_RAYS = (4, 16)
 _DISC_RAYS_PER_RAD = 140.0  # 4 for the sun, 16 from a radius of 5° on
@@ -73,17 +74,18 @@ class BakedRenderer(Owner):
         self._surfaces = empty_surfaces((width, height))
         self._traced.find_surfaces(camera, (width, height), self._surfaces)
         seen = surface_samples(self._traced, camera, in_picture(self._surfaces, (width, height)))
-        self._samples, self._surface, self._matt = seen.samples, seen.surface, seen.matt
-        self._f0, self._f90 = seen.f0, seen.f90
-        self._roughest = self._surface[:, 12].max(axis=1)
-        self._mirroring = np.flatnonzero(self._roughest > 0)
+        self._samples, self._surface = seen.samples, seen.surface
+        mirroring = np.flatnonzero(self._surface[:, 12].max(axis=1) > 0)
+        self._colours = Colours(seen.matt, mirroring, mirror_tint(seen.f0[mirroring]))
         self._cells = SkyCells(scene)
-        self._sky = self._trace(self._cells.rays, from_alpha=ROUGH_ALPHA)
+        self._sky = self._trace_sky()
         self._gloss = trace_gloss(
             occluded16_address(),
             self._traced.address,
             self._traced.sphere,
-            self._surface[self._mirroring],
+            self._surface[mirroring],
+            seen.f0[mirroring],
+            seen.f90[mirroring],
             scene.ground is not None,
         )
         self._narrow, self._rays = NarrowLights(), SharedRays(DEFAULT_EFFORT)
@@ -116,15 +118,15 @@ class BakedRenderer(Owner):
             background = with_ground(background, ground)
         picture = np.zeros((len(self._surface), 3, TILE), np.float32)
         of_map = np.zeros_like(light)
-        if len(self._mirroring):
+        if len(self._colours.mirroring):
             shown = map_of_lights(lights, _CELL_ROWS) if background is None else background
             of_map, narrow = self._reflect(
                 shown, narrow, None if through_ground else ground, picture
             )
         self._sky.add(light, of_map, picture)
         traced, moving = self._narrow.follow(narrow, self._trace_light)
-        for index, transport in traced:
-            transport.add(narrow.irradiance[[index]], narrow.mirrored[[index]], picture)
+        still = narrow.taken(~moving)
+        self._colours.add(traced, still.irradiance, still.mirrored, picture)
         out = self._placed(picture)
         if moving.any():
             self._add_moving(narrow.taken(moving), luminance_of_all(light, narrow), out)
@@ -143,24 +145,46 @@ class BakedRenderer(Owner):
         """
         rest, narrow = without_peaks(environment, narrow)
         pyramid = map_pyramid(rest)
-        tiles = self._mirroring
-        reflections = np.zeros((len(tiles), *picture.shape[1:]), np.float32)
-        add_reflections(
-            self._gloss, self._f0[tiles], self._f90[tiles], pyramid, ground, reflections
-        )
-        picture[tiles] += reflections
+        add_reflections(self._gloss, pyramid, ground, self._colours.mirroring, picture)
         coarse = pyramid.coarse(_CELL_ROWS)
         return map_over_cells(coarse, upper_only=self._scene.ground is not None), narrow
 
+    def _trace_sky(self) -> Transport:
+        """Trace the transport of the sky's cells."""
+        colours = self._colours
+        is_rough = self._surface[colours.mirroring, 12].max(axis=1) >= ROUGH_ALPHA**2
+        rough = colours.mirroring[is_rough]
+        matt, matt_step, mirror, mirror_step = self._trace(
+            self._cells.rays, rough, from_alpha=ROUGH_ALPHA
+        )
+        matt_scale = colours.matt * matt_step[:, None]
+        return Transport(
+            matt, matt_scale, rough, mirror, colours.mirror[is_rough] * mirror_step[:, None]
+        )
+
+    def _trace_light(self, direction: Array, radius_rad: float) -> NarrowTransport:
+        """Trace the transport of a narrow light."""
+        rays = int(np.clip(_DISC_RAYS[0] + _DISC_RAYS_PER_RAD * radius_rad, *_DISC_RAYS))
+        apart = max(radius_rad / math.sqrt(rays), _LEAST_ALPHA)
+        points = disc_points(direction, radius_rad, rays)[None]
+        matt, matt_step, mirror, mirror_step = self._trace(
+            points, self._colours.mirroring, least_alpha=apart
+        )
+        return NarrowTransport(matt[:, 0] * matt_step, mirror[:, 0] * mirror_step)
+
     def _trace(
-        self, points: Array, *, from_alpha: float = 0.0, least_alpha: float = 0.0
-    ) -> Transport:
-        """Trace the transport of cells, each with points (D, S, 3).
+        self,
+        points: Array,
+        mirroring: NDArray[np.intp],
+        *,
+        from_alpha: float = 0.0,
+        least_alpha: float = 0.0,
+    ) -> tuple[NDArray[np.uint8], _FLOATS, NDArray[np.uint8], _FLOATS]:
+        """Return the transport of cells, each with points (D, S, 3), as `trace_transport` does.
 
         Surfaces mirror from a GGX width on, and as if they were no smoother than another.
         """
         tiles, count = len(self._surface), len(points)
-        mirroring = self._mirroring[self._roughest[self._mirroring] >= from_alpha**2]
         mirror_row = np.full(tiles, -1)
         mirror_row[mirroring] = np.arange(len(mirroring))
         matt = np.zeros((tiles, count, TILE), np.uint8)
@@ -181,15 +205,7 @@ class BakedRenderer(Owner):
             mirror,
             mirror_step,
         )
-        matt_scale = self._matt * matt_step[:, None]
-        mirror_scale = mirror_tint(self._f0[mirroring]) * mirror_step[:, None]
-        return Transport(matt, matt_scale, mirroring, mirror, mirror_scale)
-
-    def _trace_light(self, direction: Array, radius_rad: float) -> Transport:
-        """Trace the transport of a narrow light."""
-        rays = int(np.clip(_DISC_RAYS[0] + _DISC_RAYS_PER_RAD * radius_rad, *_DISC_RAYS))
-        apart = max(radius_rad / math.sqrt(rays), _LEAST_ALPHA)
-        return self._trace(disc_points(direction, radius_rad, rays)[None], least_alpha=apart)
+        return matt, matt_step, mirror, mirror_step
 
     def _placed(self, picture: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return samples (tiles, 3, TILE) as a picture (H, W, 4)."""

@@ -178,42 +178,83 @@ def _mirrored(
 
 @njit(cache=True, nogil=True, parallel=True, fastmath={"contract"})
 def add_transported(
-    transport: NDArray[np.uint8], scale: _FLOATS, light: _FLOATS, picture: _FLOATS
+    transport: NDArray[np.uint8],
+    scale: _FLOATS,
+    cells: NDArray[np.int64],
+    light: _FLOATS,
+    rows: NDArray[np.int64],
+    picture: _FLOATS,
 ) -> None:  # pragma: no cover - compiled
-    """Add Σ transport · light to `picture` (tiles, 3, TILE), times what a step is worth.
+    """Add Σ transport · light to rows of `picture` (…, 3, TILE), times what a step is worth.
 
     Parameters
     ----------
     transport : (tiles, D, TILE) uint8
     scale : (tiles, 3, TILE) float32
         Radiance that one step of a sample's transport gives under a unit of light, per channel.
-    light : (D, 3) float32
+    cells : (n,) int64
+        Which of the D cells shine: n is a multiple of 4.
+    light : (n, 3) float32
+        Of each of those.
+    rows : (tiles,) int64
+        Where in the picture each tile is.
     """
     for tile in prange(transport.shape[0]):
-        _add_tile(transport[tile], scale[tile], light, picture[tile])
+        _add_tile(transport[tile], scale[tile], cells, light, picture[rows[tile]])
 
 
 @njit(nogil=True, fastmath={"contract"})
 def _add_tile(
-    transport: NDArray[np.uint8], scale: _FLOATS, light: _FLOATS, picture: _FLOATS
+    transport: NDArray[np.uint8],
+    scale: _FLOATS,
+    cells: NDArray[np.int64],
+    light: _FLOATS,
+    picture: _FLOATS,
 ) -> None:  # pragma: no cover - compiled
-    red = np.zeros(TILE, np.float32)
-    green = np.zeros(TILE, np.float32)
-    blue = np.zeros(TILE, np.float32)
-    for cell in range(light.shape[0]):
-        r, g, b = light[cell, 0], light[cell, 1], light[cell, 2]
-        if r == 0 and g == 0 and b == 0:
-            continue
-        row = transport[cell]
+    total = np.zeros((3, TILE), np.float32)
+    for k in range(0, len(cells), 4):  # one load and store of the sums for four cells
+        of, a, b = light[k : k + 4], transport[cells[k]], transport[cells[k + 1]]
+        c, d = transport[cells[k + 2]], transport[cells[k + 3]]
         for i in range(TILE):
-            t = np.float32(row[i])
-            red[i] += r * t
-            green[i] += g * t
-            blue[i] += b * t
-    for i in range(TILE):
-        picture[0, i] += scale[0, i] * red[i]
-        picture[1, i] += scale[1, i] * green[i]
-        picture[2, i] += scale[2, i] * blue[i]
+            ta, tb, tc, td = np.float32(a[i]), np.float32(b[i]), np.float32(c[i]), np.float32(d[i])
+            for h in range(3):
+                total[h, i] += of[0, h] * ta + of[1, h] * tb + of[2, h] * tc + of[3, h] * td
+    for h in range(3):
+        for i in range(TILE):
+            picture[h, i] += scale[h, i] * total[h, i]
+
+
+@njit(cache=True, nogil=True, parallel=True, fastmath={"contract"})
+def add_narrow(
+    received: tuple[_FLOATS, ...],
+    light: _FLOATS,
+    colour: _FLOATS,
+    rows: NDArray[np.int64],
+    picture: _FLOATS,
+) -> None:  # pragma: no cover - compiled
+    """Add Σ received · light to rows of `picture` (…, 3, TILE), times the samples' colours.
+
+    Parameters
+    ----------
+    received : tuple of (tiles, TILE) float32
+        What samples pass on of each light.
+    light : (K, 3) float32
+        Of the first K of those.
+    colour : (tiles, 3, TILE) float32
+    rows : (tiles,) int64
+        Where in the picture each tile is.
+    """
+    for tile in prange(len(rows)):
+        total = np.zeros((3, TILE), np.float32)
+        for k in range(len(light)):
+            of, passed = light[k], received[k][tile]
+            for i in range(TILE):
+                for h in range(3):
+                    total[h, i] += of[h] * passed[i]
+        shown = picture[rows[tile]]
+        for h in range(3):
+            for i in range(TILE):
+                shown[h, i] += colour[tile, h, i] * total[h, i]
 
 
 @njit(cache=True, nogil=True, parallel=True)

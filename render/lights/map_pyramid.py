@@ -17,8 +17,10 @@ from lighting.maps.environment import EnvironmentMap
 from lighting.sphere.latlong import solid_angles
 
 _FLOATS = NDArray[np.float32]
+_RGB = tuple[np.float32, np.float32, np.float32]
 
-_LEAST_ROWS = 4
+_LEAST_OCTAVE = 2
+_LEAST_ROWS = 1 << _LEAST_OCTAVE
 _CELLS_A_TAP = 1.5
 
 
@@ -93,52 +95,79 @@ def _halve(
 @njit(nogil=True)
 def mean_around(
     levels: _FLOATS, starts: NDArray[np.int64], u: float, v: float, width_rad: float
-) -> tuple[float, float, float]:  # pragma: no cover - compiled
+) -> _RGB:  # pragma: no cover - compiled
     """Return the mean over a square about u, v, of a `MapPyramid`'s map; for kernels."""
-    rows = math.sqrt((starts[1] - starts[0]) // 2)
-    most = len(starts) - 2
-    level = min(max(math.log2(width_rad * rows / math.pi), 0.0), most - 1e-3)
-    finer = int(level)
-    red, green, blue = 0.0, 0.0, 0.0
-    for k in range(finer, finer + 2):
-        share = 1 - abs(level - k)
-        cells = levels[starts[k] : starts[k + 1]]
-        x, y, z = _mean(cells, int(rows) >> k, u, v, width_rad)
-        red, green, blue = red + share * x, green + share * y, blue + share * z
-    return red, green, blue
+    turn, octave = around(v, width_rad)
+    return mean_over(levels, starts, np.float32(u), np.float32(v), turn, octave)
 
 
 @njit(nogil=True)
-def _mean(
-    cells: _FLOATS, rows: int, u: float, v: float, width_rad: float
-) -> tuple[float, float, float]:  # pragma: no cover - compiled
-    """Return the mean of a map over a share: beside a pole, where cells are narrow, of several."""
+def around(
+    v: float, width_rad: float
+) -> tuple[np.float32, np.float32]:  # pragma: no cover - compiled
+    """Return which part of a turn a square about v covers, and log₂ of its width in half turns."""
     turn = min(width_rad / (2 * math.pi * max(math.sin(math.pi * v), 1e-6)), 1.0)
-    taps = math.ceil(turn * 2 * rows / _CELLS_A_TAP)
-    red, green, blue = 0.0, 0.0, 0.0
+    return np.float32(turn), np.float32(math.log2(max(width_rad, 1e-9) / math.pi))
+
+
+@njit(nogil=True, error_model="numpy")
+def mean_over(
+    levels: _FLOATS,
+    starts: NDArray[np.int64],
+    u: np.float32,
+    v: np.float32,
+    turn: np.float32,
+    octave: np.float32,
+) -> _RGB:  # pragma: no cover - compiled
+    """Return the mean over a square about u, v, all float32, that `around` describes.
+
+    Between two levels of the map: a cell of one is at most as wide, one of the other wider.
+    """
+    most = len(starts) - 2
+    finest = most + _LEAST_OCTAVE  # log₂ of the rows
+    level = min(max(octave + np.float32(finest), np.float32(0)), np.float32(most - 1e-3))
+    finer = int(level)
+    share = level - np.float32(finer)
+    rows = 1 << (finest - finer)
+    r, g, b = _mean(levels, starts[finer], rows, u, v, turn)
+    red, green, blue = _mean(levels, starts[finer + 1], rows >> 1, u, v, turn)
+    return r + share * (red - r), g + share * (green - g), b + share * (blue - b)
+
+
+@njit(nogil=True, error_model="numpy")
+def _mean(
+    levels: _FLOATS, start: int, rows: int, u: np.float32, v: np.float32, turn: np.float32
+) -> _RGB:  # pragma: no cover - compiled
+    """Return the mean of a map over a share: beside a pole, where cells are narrow, of several."""
+    taps = math.ceil(turn * np.float32(2 * rows / _CELLS_A_TAP))
+    if taps <= 1:
+        return _bilinear(levels, start, rows, u, v)
+    red, green, blue = np.float32(0), np.float32(0), np.float32(0)
+    share = np.float32(1 / taps)
     for tap in range(taps):
-        beside = u + turn * ((tap + 0.5) / taps - 0.5)
-        r, g, b = _bilinear(cells, rows, beside, v)
+        beside = u + turn * ((np.float32(tap) + np.float32(0.5)) * share - np.float32(0.5))
+        r, g, b = _bilinear(levels, start, rows, beside, v)
         red, green, blue = red + r, green + g, blue + b
-    return red / taps, green / taps, blue / taps
+    return red * share, green * share, blue * share
 
 
-@njit(nogil=True)
+@njit(nogil=True, error_model="numpy")
 def _bilinear(
-    cells: _FLOATS, rows: int, u: float, v: float
-) -> tuple[float, float, float]:  # pragma: no cover - compiled
-    """Return the map (rows × 2 rows, 3) at u, v: around the seam, held at a pole."""
+    levels: _FLOATS, start: int, rows: int, u: np.float32, v: np.float32
+) -> _RGB:  # pragma: no cover - compiled
+    """Return the map of `rows`, a power of two, at u, v: around the seam, held at a pole."""
     columns = 2 * rows
-    x, y = u * columns - 0.5, min(max(v * rows - 0.5, 0.0), rows - 1.0)
+    x = u * np.float32(columns) - np.float32(0.5)
+    y = min(max(v * np.float32(rows) - np.float32(0.5), np.float32(0)), np.float32(rows - 1))
     column, row = math.floor(x), min(int(y), rows - 2)
-    right, down = np.float32(x - column), np.float32(y - row)
-    left, beside = column % columns, (column + 1) % columns
-    a, b = row * columns + left, row * columns + beside
+    right, down = x - np.float32(column), y - np.float32(row)
+    above = start + row * columns
+    a, b = above + (column & (columns - 1)), above + ((column + 1) & (columns - 1))
     c, d = a + columns, b + columns
-    wa, wb = (1 - right) * (1 - down), right * (1 - down)
-    wc, wd = (1 - right) * down, right * down
+    left, up = np.float32(1) - right, np.float32(1) - down
+    wa, wb, wc, wd = left * up, right * up, left * down, right * down
     return (
-        wa * cells[a, 0] + wb * cells[b, 0] + wc * cells[c, 0] + wd * cells[d, 0],
-        wa * cells[a, 1] + wb * cells[b, 1] + wc * cells[c, 1] + wd * cells[d, 1],
-        wa * cells[a, 2] + wb * cells[b, 2] + wc * cells[c, 2] + wd * cells[d, 2],
+        wa * levels[a, 0] + wb * levels[b, 0] + wc * levels[c, 0] + wd * levels[d, 0],
+        wa * levels[a, 1] + wb * levels[b, 1] + wc * levels[c, 1] + wd * levels[d, 1],
+        wa * levels[a, 2] + wb * levels[b, 2] + wc * levels[c, 2] + wd * levels[d, 2],
     )

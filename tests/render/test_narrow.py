@@ -36,7 +36,7 @@ def lights(traced):
 
 def test_all_lights_of_the_first_picture_are_traced(lights, traced):
     found, moving = lights.follow(discs(0.1, 0.8))
-    assert found == [(0, "light 1"), (1, "light 2")]
+    assert found == ["light 1", "light 2"]
     assert not moving.any()
     assert traced == [0.1, 0.8]
 
@@ -53,7 +53,7 @@ def test_one_that_moves_on_is_never_traced(lights, traced):
 def test_one_that_has_come_to_stand_is_traced_once(lights, traced):
     lights.follow(discs(0.0))
     seen = [lights.follow(discs(1.0))[0] for _ in range(STANDING + 3)]
-    assert seen == [[]] * (STANDING - 1) + [[(0, "light 2")]] * 4
+    assert seen == [[]] * (STANDING - 1) + [["light 2"]] * 4
     assert traced == [0.0, 1.0]
 
 
