@@ -3,6 +3,7 @@
 As shaders/background.frag: bilinear between the centres of cells, around the seam, held at a pole.
 """
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -49,8 +50,9 @@ def look_up(
 ) -> None:  # pragma: no cover - compiled
     """Set `samples` (S,) of `out` to a map (N, 2N, 3) at (S, 2) as `map_coordinates` gives them."""
     for i in prange(len(at)):
+        cells = _corners(radiance.shape[0], radiance.shape[1], at[i])
         for c in range(3):
-            out[samples[i], c] = bilinear(radiance, at[i], c)
+            out[samples[i], c] = _between(radiance, cells, c)
 
 
 @njit(cache=True, nogil=True, parallel=True)
@@ -72,9 +74,10 @@ def look_through(
            its difference of two pictures, with the albedo that makes the second one the photograph.
     """
     for i in prange(len(at)):
+        cells = _corners(radiance.shape[0], radiance.shape[1], at[i])
         for c in range(3):
             shade = out[samples[i], c] / unshaded[c] if unshaded[c] > 0 else np.float32(1)
-            out[samples[i], c] = shade * bilinear(radiance, at[i], c)
+            out[samples[i], c] = shade * _between(radiance, cells, c)
 
 
 @njit(nogil=True)
@@ -82,13 +85,27 @@ def bilinear(
     radiance: NDArray[np.float32], at: Any, c: int
 ) -> np.float32:  # pragma: no cover - compiled
     """Return channel c of a map (N, 2N, 3) at (u, v), as `map_coordinates` gives them."""
-    rows, columns = radiance.shape[:2]
-    x = at[0] * columns - np.float32(0.5)
-    y = min(max(at[1] * rows - np.float32(0.5), np.float32(0)), np.float32(rows - 1))
-    column, row = int(np.floor(x)), min(int(y), rows - 2)
+    return _between(radiance, _corners(radiance.shape[0], radiance.shape[1], at), c)
+
+
+@njit(nogil=True, error_model="numpy")
+def _corners(
+    rows: int, columns: int, at: Any
+) -> tuple[int, int, int, np.float32, np.float32]:  # pragma: no cover - compiled
+    """Return the upper of two rows, two columns, and how far to the second of each u, v lies."""
+    x = at[0] * np.float32(columns) - np.float32(0.5)
+    y = min(max(at[1] * np.float32(rows) - np.float32(0.5), np.float32(0)), np.float32(rows - 1))
+    column, row = math.floor(x), min(int(y), rows - 2)
     right, down = x - np.float32(column), y - np.float32(row)
-    left = column % columns
-    beside = (column + 1) % columns
-    above = (1 - right) * radiance[row, left, c] + right * radiance[row, beside, c]
-    below = (1 - right) * radiance[row + 1, left, c] + right * radiance[row + 1, beside, c]
-    return np.float32((1 - down) * above + down * below)
+    return row, column % columns, (column + 1) % columns, down, right
+
+
+@njit(nogil=True)
+def _between(
+    radiance: NDArray[np.float32], corners: tuple[int, int, int, np.float32, np.float32], c: int
+) -> np.float32:  # pragma: no cover - compiled
+    row, left, beside, down, right = corners
+    near, high = np.float32(1) - right, np.float32(1) - down
+    above = near * radiance[row, left, c] + right * radiance[row, beside, c]
+    below = near * radiance[row + 1, left, c] + right * radiance[row + 1, beside, c]
+    return high * above + down * below
