@@ -1,11 +1,12 @@
 """`fishlight chart render`: what ways to a picture are worth, measured here and drawn."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache, partial
 from pathlib import Path
 from statistics import median
-from typing import Annotated
+from typing import Annotated, TypeVar
 
+import msgspec
 from cyclopts import Parameter
 
 from capture.arguments import Output
@@ -20,6 +21,8 @@ from render.measures.truths import truth_of
 from render.measures.ways import MAIN_WAYS, SHADOW_MAPS, ways
 
 SIZE_PX = (640, 480)
+
+Row = TypeVar("Row", bound=msgspec.Struct)
 
 
 def chart_render(
@@ -77,16 +80,16 @@ def chart_render(
         if SHADOW_MAPS not in compared:
             print("no OpenGL, so not in the chart: shadow maps")
         cases = _cases(scenes, maps, output / "references")
-        on_cases = chart.measure(cases, compared, chart.COUNTS, known)
+        counts = {
+            name: chart.COUNTS if name in MAIN_WAYS else chart.COUNTS_OF_SETTINGS
+            for name in compared
+        }
+        on_cases = chart.measure(cases, compared, counts, known)
         growing = growth.measure(next(iter(maps.values())), compared, grown)
-        jobs = len(cases) * len(compared) * len(chart.COUNTS)
+        jobs = len(cases) * sum(map(len, counts.values()))
         growth_jobs = len(compared) * sum(map(len, growth.COUNTS.values()))
-        try:
-            rows = [row for row in progress(on_cases, "errors", jobs) if row]
-            grew = [row for row in progress(growing, "growth", growth_jobs) if row]
-        finally:  # an interrupted run is not measured again either
-            write_known(known_path, known)
-            write_known(grown_path, grown)
+        rows = _saved(progress(on_cases, "errors", jobs), known_path, known)
+        grew = _saved(progress(growing, "growth", growth_jobs), grown_path, grown)
 
     write_text(tables[0], chart.as_csv(rows))
     write_text(tables[1], chart.as_csv(grew))
@@ -105,6 +108,21 @@ def chart_render(
         f"{output}: {len(rows) + len(grew)} measurements of {len(compared)} ways, "
         f"{_all_of(scenes, 'scene')} under {_all_of(maps, 'map')}"
     )
+
+
+def _saved(rows: Iterable[Row | None], path: Path, known: dict[str, Row]) -> list[Row]:
+    """Return the rows there are; each is in the file before the next is measured.
+
+    So a run that was interrupted, in whatever way, goes on where it was.
+    """
+    found, saved = [], len(known)
+    for row in rows:
+        if len(known) > saved:
+            write_known(path, known)
+            saved = len(known)
+        if row is not None:
+            found.append(row)
+    return found
 
 
 def _cases(

@@ -16,7 +16,7 @@ from lighting.maps.environment import EnvironmentMap
 from lighting.measures.chart import Point
 from lighting.measures.known import remembered
 from lighting.reduce import reduce_to_lights
-from render.measures.chart import frame_ms, measuring_digest, open_way
+from render.measures.chart import measuring_digest, open_way, timed_frames
 from render.measures.chart_scenes import map_digest
 from render.measures.ways import Way
 from render.scenes.default_scene import default_scene, frame_meshes, sphere
@@ -92,5 +92,5 @@ def _measured(
 ) -> Growth:
     with ExitStack() as stack:
         draw, setup_ms = open_way(stack, ways[name], *VIEWS[of](count))
-        draw(lights, environment, 0)
-        return Growth(of, name, count, frame_ms(draw, lights, environment), setup_ms)
+        _, ms = timed_frames(draw, lights, environment)
+        return Growth(of, name, count, ms, setup_ms)

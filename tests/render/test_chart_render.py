@@ -20,7 +20,7 @@ from render.measures import ways as measured_ways
 from render.measures.chart_drawing import ERROR_CHART, GROWTH_CHART
 from render.measures.chart_scenes import chart_maps, chart_scenes, map_digest, view_digest
 from render.measures.picture_errors import Truth, away_from_outlines, mean_flip, relative_rmse
-from render.measures.ways import MAIN_WAYS, SHADOW_MAPS, turned, ways
+from render.measures.ways import MAIN_WAYS, RAYS, SHADOW_MAPS, turned, ways
 from render.opengl.context import GlUnavailable
 from render.scenes.casters import gather_casters
 from render.scenes.default_scene import sphere
@@ -219,31 +219,31 @@ def test_without_opengl_the_other_ways_are_left(monkeypatch):
 
 def test_a_way_is_opened_once_and_each_count_drawn_and_timed():
     painter = Painter(1.25)
-    rows = list(chart.measure([case()], {"paint": painter}, [4, 8], {}))
+    rows = list(chart.measure([case()], {"paint": painter}, {"paint": [4, 8]}, {}))
     assert (painter.opened, painter.closed) == (1, 1)
     lights = {row.lights for row in rows}
-    assert {(count, frame) for count in lights for frame in range(6)} == set(painter.frames)
+    assert {(count, frame) for count in lights for frame in range(5)} == set(painter.frames)
     assert [row.rmse for row in rows] == pytest.approx([0.25, 0.25])
     assert all(0 < row.flip < 1 and row.ms > 0 and row.setup_ms > 0 for row in rows)
 
 
 def test_what_is_known_is_not_measured_again():
     painter, known = Painter(), {}
-    first = list(chart.measure([case()], {"paint": painter}, [4], known))
+    first = list(chart.measure([case()], {"paint": painter}, {"paint": [4]}, known))
     renamed = replace(case(), scene_name="another", map_name="name")
-    [again] = chart.measure([renamed], {"paint": painter}, [4], known)
+    [again] = chart.measure([renamed], {"paint": painter}, {"paint": [4]}, known)
     assert painter.opened == 1
     assert (again.scene, again.map_name, again.ms) == ("another", "name", first[0].ms)
     for other in (case(environment_map=constant(8)), case(scene=replace(SCENE, ground=None))):
         opened = painter.opened
-        list(chart.measure([other], {"paint": painter}, [4], known))
+        list(chart.measure([other], {"paint": painter}, {"paint": [4]}, known))
         assert painter.opened == opened + 1
 
 
 def test_a_way_that_is_too_slow_is_spared_more_lights(monkeypatch):
     clock = iter(range(0, 1000, 3))
     monkeypatch.setattr(chart, "time", SimpleNamespace(perf_counter=lambda: next(clock)))
-    rows = list(chart.measure([case()], {"slow": Painter()}, [4, 8], {}))
+    rows = list(chart.measure([case()], {"slow": Painter()}, {"slow": [4, 8]}, {}))
     assert rows[0].ms == 3000
     assert rows[1] is None
 
@@ -279,8 +279,8 @@ def test_growth_is_by_triangles_and_by_pixels(monkeypatch):
 
 @pytest.fixture
 def small(monkeypatch):
-    """One scene, two painters, two counts; the truth is even."""
-    painters = {"dark": Painter(0.9), "bright": Painter(1.3)}
+    """One scene, rays of two counts and a setting of one; the truth is even."""
+    painters = {RAYS: Painter(0.9), "bright": Painter(1.3)}
 
     @contextmanager
     def both():
@@ -298,6 +298,7 @@ def small(monkeypatch):
         ),
     )
     monkeypatch.setattr(chart, "COUNTS", (4, 8))
+    monkeypatch.setattr(chart, "COUNTS_OF_SETTINGS", (8,))
     monkeypatch.setattr(growth, "COUNTS", {growth.TRIANGLES: (64, 256), growth.PIXELS: (12, 300)})
     return painters
 
@@ -315,7 +316,7 @@ def test_writes_the_charts_and_their_numbers(small, map_path, tmp_path, capsys):
     printed = capsys.readouterr().out.splitlines()
     assert printed == [
         "no OpenGL, so not in the chart: shadow maps",
-        f"{output}: 12 measurements of 2 ways, 1 scene under 1 map",
+        f"{output}: 11 measurements of 2 ways, 1 scene under 1 map",
     ]
     pictures = {
         f"{name}-{theme}{suffix}"
@@ -328,7 +329,7 @@ def test_writes_the_charts_and_their_numbers(small, map_path, tmp_path, capsys):
     header, *lines = (output / "render.csv").read_text().splitlines()
     assert header == "scene,map_name,way,count,lights,ms,setup_ms,rmse,flip,least_flip"
     assert [line.split(",")[:4] for line in lines] == [
-        ["ball", str(map_path), way, count] for way in ("dark", "bright") for count in "48"
+        ["ball", str(map_path), *row] for row in ((RAYS, "4"), (RAYS, "8"), ("bright", "8"))
     ]
     assert lines[0].split(",")[7] == "0.1"
     assert len((output / "growth.csv").read_text().splitlines()) == 1 + 8
@@ -338,11 +339,11 @@ def test_writes_the_charts_and_their_numbers(small, map_path, tmp_path, capsys):
         assert f"dark {MAIN_WAYS} " in text
     assert "1 scene under 1 map, 640×480. The" in (output / "render-light.svg").read_text()
     # All is known: nothing is drawn.
-    drawn = len(small["dark"].frames)
+    drawn = len(small[RAYS].frames)
     chart_render(map_path, output=output, force=True)
-    assert len(small["dark"].frames) == drawn
+    assert len(small[RAYS].frames) == drawn
     chart_render(map_path, output=output, force=True, fresh=True)
-    assert len(small["dark"].frames) == 2 * drawn
+    assert len(small[RAYS].frames) == 2 * drawn
 
 
 @pytest.mark.parametrize("what", [ERROR_CHART, GROWTH_CHART], ids=["render", "growth"])
@@ -357,17 +358,27 @@ def test_every_panel_is_drawn(what, tmp_path):
     assert (">1.2M</text>" in text) == (what is GROWTH_CHART)
 
 
-def test_an_interrupted_run_keeps_what_it_measured(small, map_path, tmp_path, monkeypatch):
-    def interrupted(*_arguments):
-        raise KeyboardInterrupt
-        yield
+def test_a_run_goes_on_where_an_earlier_one_was_killed(small, map_path, tmp_path, monkeypatch):
+    draw = small[RAYS].draw
 
-    monkeypatch.setattr(growth, "measure", interrupted)
-    with pytest.raises(KeyboardInterrupt):
+    def killed(lights, environment_map, frame):
+        if len(lights) == 8:
+            raise SystemExit
+        return draw(lights, environment_map, frame)
+
+    # Whatever ends it: no handler may be needed for what was measured to be kept.
+    monkeypatch.setattr(chart_cli, "progress", lambda rows, *_: rows)
+    monkeypatch.setattr(small[RAYS], "draw", killed)
+    with pytest.raises(SystemExit):
         chart_render(map_path, output=tmp_path / "charts")
-    kept = {path.name for path in (tmp_path / "charts").iterdir()}
-    assert kept == {"measurements.json", "growth.json"}
-    monkeypatch.undo()
+    assert [path.name for path in (tmp_path / "charts").iterdir()] == ["measurements.json"]
+    assert {count for count, _ in small[RAYS].frames} == {4}
+    small[RAYS].frames.clear()
+    monkeypatch.setattr(small[RAYS], "draw", draw)
+    chart_render(map_path, output=tmp_path / "charts")
+    drawn = {count for count, _ in small[RAYS].frames}
+    assert 8 in drawn
+    assert 4 not in drawn
 
 
 def test_nothing_is_measured_that_could_not_be_written(small, map_path, tmp_path):
@@ -379,7 +390,7 @@ def test_nothing_is_measured_that_could_not_be_written(small, map_path, tmp_path
     with pytest.raises(InputError, match="is a file"):
         chart_render(map_path, output=map_path)
     assert (output / "growth.csv").read_text() == "mine"
-    assert not small["dark"].opened
+    assert not small[RAYS].opened
 
 
 def test_a_map_without_light_is_refused(small, tmp_path):
