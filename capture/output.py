@@ -43,7 +43,8 @@ def replacing(path: Path, *, force: bool = True) -> Iterator[Path]:
     """Yield a temporary path beside `path`, which takes its name when the block succeeds.
 
     The temporary name keeps the suffix, for libraries that choose a format by it. On an exception
-    nothing is left behind and an older file stays as it was.
+    nothing is left behind and an older file stays as it was. The content is on the disk before the
+    name is, so a power cut leaves the one file or the other, never a part.
 
     Raises
     ------
@@ -63,7 +64,6 @@ def replacing(path: Path, *, force: bool = True) -> Iterator[Path]:
         partial.chmod(0o666 & ~_UMASK)
         _sync(partial)
         partial.replace(path)
-        _sync(path.parent)
     except OSError as error:
         if error.filename not in (None, name):  # the block's trouble with another file
             raise
