@@ -23,6 +23,13 @@ _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": 1}
 """Of each process, in place of dask's, which has memory given back to the system at once: pictures
 would be written to fresh pages, and a frame take a quarter more time."""
 
+_QUIET = {
+    "distributed.worker.profile.enabled": False,  # of all threads' stacks, 100 times a second
+    "distributed.admin.tick.interval": "1s",  # to see an event loop hang, 50 times a second
+    "distributed.admin.system-monitor.interval": "5s",  # for a page that nobody looks at
+}
+"""What dask watches itself with, in every process: a twentieth of a core without this."""
+
 
 @contextmanager
 def connected(scheduler: str | None, worker_count: int | None = None) -> Iterator[Client]:
@@ -51,8 +58,7 @@ def connected(scheduler: str | None, worker_count: int | None = None) -> Iterato
             {
                 "distributed.scheduler.allowed-failures": _ALLOWED_FAILURES,
                 "distributed.nanny.pre-spawn-environ": _ENVIRONMENT,
-                # It looks at every thread's stack a hundred times a second.
-                "distributed.worker.profile.enabled": False,
+                **_QUIET,
             }
         ),
         LocalCluster(
