@@ -85,9 +85,10 @@ def chart_render(
             for name in compared
         }
         on_cases = chart.measure(cases, compared, counts, known)
-        growing = growth.measure(next(iter(maps.values())), compared, grown)
+        main_ways = {name: way for name, way in compared.items() if name in MAIN_WAYS}
+        growing = growth.measure(next(iter(maps.values())), main_ways, grown)
         jobs = len(cases) * sum(map(len, counts.values()))
-        growth_jobs = len(compared) * sum(map(len, growth.COUNTS.values()))
+        growth_jobs = len(main_ways) * sum(map(len, growth.COUNTS.values()))
         rows = _saved(progress(on_cases, "errors", jobs), known_path, known)
         grew = _saved(progress(growing, "growth", growth_jobs), grown_path, grown)
 

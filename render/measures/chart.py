@@ -33,7 +33,7 @@ from lighting.measures.known import code_digest, remembered
 from lighting.reduce import reduce_to_lights
 from render.measures.chart_scenes import map_digest, view_digest
 from render.measures.picture_errors import Truth, mean_flip, relative_rmse
-from render.measures.ways import Draw, Way
+from render.measures.ways import MAIN_WAYS, ROAMING, TRANSPORT, Draw, Way
 from render.scenes.scene import Camera, Scene
 
 COUNTS = (4, 16, 64, 256, 1024)
@@ -41,6 +41,7 @@ COUNTS_OF_SETTINGS = (16, 64, 256)
 """Of ways that differ from another in a setting only."""
 RMSE, FLIP, MS = "relative RMSE", "FLIP", "ms"
 WORST = "relative RMSE, worst"
+SETTINGS_RMSE, SETTINGS_FLIP = "relative RMSE, settings", "FLIP, settings"
 
 _FRAMES, _LEAST_FRAMES = 5, 2
 _ENOUGH_S = 1.5
@@ -142,6 +143,7 @@ def points_of(measurements: Iterable[Measurement]) -> list[Point]:
     """Return the points of the chart: medians over the cases, and the largest error.
 
     A count that a way did not reach in every case is left out: its median would be over others.
+    Settings are compared among themselves and with the ways that they are of.
     """
 
     def key(row: Measurement) -> tuple[str, int]:
@@ -154,15 +156,17 @@ def points_of(measurements: Iterable[Measurement]) -> list[Point]:
     most = max((len(group) for *_, group in groups), default=0)
     points = []
     for way, count, group in groups:
-        if len(group) == most:
-            ms = median(row.ms for row in group)
-            figures = {
-                RMSE: median(row.rmse for row in group),
-                FLIP: median(row.flip for row in group),
-                WORST: max(row.rmse for row in group),
-                MS: ms,
-            }
-            points.append(Point(way, count, ms, figures))
+        if len(group) < most:
+            continue
+        ms, rmse, flip = (
+            median(getattr(row, name) for row in group) for name in ("ms", "rmse", "flip")
+        )
+        figures = {}
+        if way in MAIN_WAYS:
+            figures = {RMSE: rmse, FLIP: flip, WORST: max(row.rmse for row in group), MS: ms}
+        if way not in (TRANSPORT, ROAMING) and count in COUNTS_OF_SETTINGS:
+            figures |= {SETTINGS_RMSE: rmse, SETTINGS_FLIP: flip}
+        points.append(Point(way, count, ms, figures))
     return points
 
 

@@ -5,7 +5,15 @@ Input  : points of chart.py and growth.py.    Output : SVG and PNG files.
 
 from lighting.measures.chart import Point
 from lighting.measures.line_chart import Chart, Panel
-from render.measures.chart import COUNTS, FLIP, MS, RMSE, WORST
+from render.measures.chart import (
+    COUNTS,
+    FLIP,
+    MS,
+    RMSE,
+    SETTINGS_FLIP,
+    SETTINGS_RMSE,
+    WORST,
+)
 from render.measures.growth import PIXELS, TRIANGLES
 from render.measures.ways import RAYS
 
@@ -18,12 +26,15 @@ _BAND = "Band: nothing else is both cheaper and truer; beside it, the number of 
 
 ERROR_CHART = Chart(
     "Pictures under an environment map: error against time",
-    f"{_BAND} Grey: with another setting. Lights turn. All stands with transport, none with rays.",
+    f"{_BAND} Grey: with another setting. All lights turn; with rays, objects and camera move, "
+    "too.",
     (
         Panel("Relative RMSE, median", RMSE),
         Panel("FLIP, median: how different it looks", FLIP),
         Panel("Relative RMSE, worst scene and map", WORST),
         Panel("Relative RMSE, by the number of lights", RMSE, _count, "%", "", COUNTS),
+        Panel("Relative RMSE, median, of settings", SETTINGS_RMSE),
+        Panel("FLIP, median, of settings", SETTINGS_FLIP),
     ),
     RAYS,
 )

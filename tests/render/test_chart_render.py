@@ -20,7 +20,7 @@ from render.measures import ways as measured_ways
 from render.measures.chart_drawing import ERROR_CHART, GROWTH_CHART
 from render.measures.chart_scenes import chart_maps, chart_scenes, map_digest, view_digest
 from render.measures.picture_errors import Truth, away_from_outlines, mean_flip, relative_rmse
-from render.measures.ways import MAIN_WAYS, RAYS, SHADOW_MAPS, turned, ways
+from render.measures.ways import MAIN_WAYS, RAYS, SHADOW_MAPS, TRANSPORT, turned, ways
 from render.opengl.context import GlUnavailable
 from render.scenes.casters import gather_casters
 from render.scenes.default_scene import sphere
@@ -249,12 +249,24 @@ def test_a_way_that_is_too_slow_is_spared_more_lights(monkeypatch):
 
 
 def test_points_are_medians_over_cases_and_the_worst_of_them():
-    rows = [measured(ms=ms, rmse=ms / 10) for ms in (1.0, 2.0, 9.0)]
-    rows += [measured(count=8), measured("b", ms=4.0), measured("b"), measured("b")]
+    rows = [measured(RAYS, ms=ms, rmse=ms / 10) for ms in (1.0, 2.0, 9.0)]
+    rows += [measured(RAYS, count=8), measured(TRANSPORT, ms=4.0)]
+    rows += [measured(TRANSPORT), measured(TRANSPORT)]
     ours, theirs = chart.points_of(rows)
-    assert (ours.system, ours.count, ours.ms) == ("a", 4, 2.0)
+    assert (ours.system, ours.count, ours.ms) == (RAYS, 4, 2.0)
     assert ours.errors == {chart.RMSE: 0.2, chart.FLIP: 0.05, chart.WORST: 0.9, chart.MS: 2.0}
-    assert (theirs.system, theirs.ms) == ("b", 1.0)
+    assert (theirs.system, theirs.ms) == (TRANSPORT, 1.0)
+
+
+def test_settings_are_compared_with_what_they_are_settings_of():
+    among_settings = {chart.SETTINGS_RMSE: 0.1, chart.SETTINGS_FLIP: 0.05}
+    for count, settings in ((4, {}), (64, among_settings)):
+        ways_of = (RAYS, TRANSPORT, "maps, 1×1")
+        ours, settled, setting = chart.points_of(measured(way, count) for way in ways_of)
+        assert chart.RMSE in ours.errors
+        assert {chart.SETTINGS_RMSE, chart.SETTINGS_FLIP}.isdisjoint(settled.errors)
+        assert settings.items() <= ours.errors.items()
+        assert setting.errors == settings
 
 
 def test_growth_is_by_triangles_and_by_pixels(monkeypatch):
@@ -316,7 +328,7 @@ def test_writes_the_charts_and_their_numbers(small, map_path, tmp_path, capsys):
     printed = capsys.readouterr().out.splitlines()
     assert printed == [
         "no OpenGL, so not in the chart: shadow maps",
-        f"{output}: 11 measurements of 2 ways, 1 scene under 1 map",
+        f"{output}: 7 measurements of 2 ways, 1 scene under 1 map",
     ]
     pictures = {
         f"{name}-{theme}{suffix}"
@@ -332,7 +344,7 @@ def test_writes_the_charts_and_their_numbers(small, map_path, tmp_path, capsys):
         ["ball", str(map_path), *row] for row in ((RAYS, "4"), (RAYS, "8"), ("bright", "8"))
     ]
     assert lines[0].split(",")[7] == "0.1"
-    assert len((output / "growth.csv").read_text().splitlines()) == 1 + 8
+    assert len((output / "growth.csv").read_text().splitlines()) == 1 + 4
     for name, words in (("render", "error against time"), ("growth", "time of a frame grows")):
         text = (output / f"{name}-dark.svg").read_text()
         assert words in text
@@ -348,10 +360,10 @@ def test_writes_the_charts_and_their_numbers(small, map_path, tmp_path, capsys):
 
 @pytest.mark.parametrize("what", [ERROR_CHART, GROWTH_CHART], ids=["render", "growth"])
 def test_every_panel_is_drawn(what, tmp_path):
-    points = chart.points_of([measured(count=count, rmse=1 / count) for count in (4, 16)])
-    points += [Point("a", count, 2.0, {growth.TRIANGLES: 2.0}) for count in (1000, 30_000)]
-    points += [Point("a", count, 2.0, {growth.PIXELS: 2.0}) for count in (20_000, 1_200_000)]
-    line_chart.draw(points, what, ["a"], "some scenes", tmp_path / "chart.svg")
+    points = chart.points_of([measured(RAYS, count, rmse=1 / count) for count in (4, 16, 64)])
+    points += [Point(RAYS, count, 2.0, {growth.TRIANGLES: 2.0}) for count in (1000, 30_000)]
+    points += [Point(RAYS, count, 2.0, {growth.PIXELS: 2.0}) for count in (20_000, 1_200_000)]
+    line_chart.draw(points, what, [RAYS], "some scenes", tmp_path / "chart.svg")
     text = (tmp_path / "chart.svg").read_text()
     for panel in what.panels:
         assert f">{panel.title}</text>" in text
