@@ -137,3 +137,27 @@ def test_a_light_on_a_pole_or_the_seam_is_found(direction):
     irradiance = 2.0 * (solid_angles(HEIGHT) @ near.sum(axis=1))
     residual, _ = remove_lights(before, one_light(direction, [irradiance] * 3, 0.2))
     np.testing.assert_allclose(residual.radiance, 1.0, rtol=1e-5)
+
+
+def sorted_cut(radiance, weights, irradiance):
+    """The level t with Σ w max(L − t, 0) = irradiance, from all cells in order."""
+    order = np.argsort(-radiance)
+    brightest, width = radiance[order], np.cumsum(weights[order])
+    levels = (np.cumsum(brightest * weights[order]) - irradiance) / width
+    is_last = levels >= np.append(brightest[1:], 0.0)
+    return levels[np.argmax(is_last)] if is_last.any() else 0.0
+
+
+@pytest.mark.parametrize("share", [0.0, 1e-6, 0.3, 0.999, 1.5])
+def test_the_level_is_the_one_that_sorting_finds(share):
+    rng = np.random.default_rng(7)
+    before = environment(rng.lognormal(sigma=3.0, size=(HEIGHT, 2 * HEIGHT, 3)))
+    direction, radius = np.array([0.48, 0.6, 0.64]), 0.3
+    weights = solid_angles(HEIGHT)[:, None] * np.ones((1, 2 * HEIGHT))
+    cap = cell_directions(HEIGHT) @ direction >= np.cos(2 * radius + 1.5 * np.pi / HEIGHT)
+    inside = before.radiance[cap].astype(np.float64)
+    irradiance = share * weights[cap] @ inside
+    levels = [sorted_cut(inside[:, c], weights[cap], irradiance[c]) for c in range(3)]
+    after, _ = remove_lights(before, one_light(direction, irradiance, radius))
+    np.testing.assert_allclose(after.radiance[cap], np.minimum(inside, levels), rtol=1e-5)
+    np.testing.assert_array_equal(after.radiance[~cap], before.radiance[~cap])
