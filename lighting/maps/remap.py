@@ -139,8 +139,9 @@ def apply_remap(remap: Remap, image: RadianceImage) -> EnvironmentMap:
     if image.valid.all() and not image.clipped.any():
         valid = remap.coverage.ravel() >= HALF
         _fill_cells(
-            tasks, remap.cells, remap.starts, remap.pixels, remap.weights, valid, pixels, radiance
-        )
+            tasks, remap.cells, remap.starts, remap.pixels, remap.weights, valid,
+            pixels.reshape(-1), radiance,
+        )  # fmt: skip
     else:
         valid = np.zeros(remap.coverage.size, np.bool_)
         _fill_marked_cells(
@@ -219,19 +220,26 @@ def _visits(
     return cells, ordered_starts, shift + np.arange(starts[-1])
 
 
-@njit(cache=True, nogil=True, parallel=True, fastmath={"contract"})
+@njit(cache=True, nogil=True, parallel=True, fastmath={"contract"}, error_model="numpy")
 def _fill_cells(tasks, cells, starts, pixels, weights, wanted, radiance, result):  # type: ignore[no-untyped-def]
-    """Fill the radiance (2N², 3) of the wanted cells."""
+    """Fill the radiance (2N², 3) of the wanted cells from that of the pixels (3 H W,).
+
+    Indices are unsigned: others are first looked at for whether they count from the end, which
+    takes a quarter of the time.
+    """
+    one, two, three = np.uintp(1), np.uintp(2), np.uintp(3)
     for task in prange(len(tasks) - 1):
+        k = np.uintp(starts[tasks[task]])
         for i in range(tasks[task], tasks[task + 1]):
-            cell = cells[i]
+            cell, last = cells[i], np.uintp(starts[i + 1])
+            red = green = blue = 0.0
+            while k < last:
+                at, weight = three * np.uintp(pixels[k]), np.float64(weights[k])
+                red += weight * radiance[at]
+                green += weight * radiance[at + one]
+                blue += weight * radiance[at + two]
+                k += one
             if wanted[cell]:
-                red = green = blue = 0.0
-                for k in range(starts[i], starts[i + 1]):
-                    p, weight = pixels[k], np.float64(weights[k])
-                    red += weight * radiance[p, 0]
-                    green += weight * radiance[p, 1]
-                    blue += weight * radiance[p, 2]
                 result[cell, 0] = red
                 result[cell, 1] = green
                 result[cell, 2] = blue
