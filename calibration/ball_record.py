@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from calibration.files import read_records
-from capture.errors import InputError
+from calibration.files import read_record
 
 if TYPE_CHECKING:
     from calibration.ball import BallFit
@@ -33,6 +32,11 @@ class BallRecord(msgspec.Struct, frozen=True):
     support: float
     angle_rad: list[float]
     sigma_rad: list[float]
+
+    def __post_init__(self) -> None:
+        """Raise ValueError, which msgspec tells of, if there is no standard deviation."""
+        if not 0 < len(self.angle_rad) == len(self.sigma_rad):
+            raise ValueError("wanted as many of sigma_rad as of angle_rad")
 
 
 def ball_record(fit: "BallFit", picture: str) -> BallRecord:
@@ -59,16 +63,7 @@ def read_ball_record(path: Path) -> BallRecord | None:
     InputError
         If what the file keeps was altered.
     """
-    content = read_records(path).get("ball_fit")
-    if content is None:
-        return None
-    try:
-        record = msgspec.convert(content, BallRecord)
-    except msgspec.ValidationError as error:
-        raise InputError(f"{path}: ball_fit: {error}") from None
-    if not 0 < len(record.angle_rad) == len(record.sigma_rad):
-        raise InputError(f"{path}: ball_fit: wanted as many of sigma_rad as of angle_rad")
-    return record
+    return read_record(path, "ball_fit", BallRecord)
 
 
 def ball_summary(record: BallRecord) -> list[str]:

@@ -12,7 +12,7 @@ Output : Calibration, or InputError in one line that names the file and the key.
 from collections.abc import Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -31,6 +31,7 @@ _RECORDS = ("lens_fit", "vignetting_fit", "ball_fit")
 """Keys that tell what a calibration was made from."""
 
 _Row = tuple[float, float, float]
+_Record = TypeVar("_Record")
 
 
 class _Circle(msgspec.Struct, forbid_unknown_fields=True):
@@ -147,6 +148,21 @@ def read_records(path: Path) -> dict[str, Any]:
     """Return what a file keeps of its making: keyword arguments of `write_calibration`."""
     content = read_object(path)
     return {name: content[name] for name in _RECORDS if name in content}
+
+
+def read_record(path: Path, key: str, kind: type[_Record]) -> _Record | None:
+    """Return what a file keeps under `key` of its making; None if nothing.
+
+    Raises
+    ------
+    InputError
+        If what the file keeps was altered.
+    """
+    content = read_object(path).get(key)
+    try:
+        return None if content is None else msgspec.convert(content, kind)
+    except msgspec.ValidationError as error:
+        raise InputError(f"{path}: {key}: {error}") from None
 
 
 def read_object(path: Path) -> dict[str, Any]:

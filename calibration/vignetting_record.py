@@ -11,8 +11,7 @@ import msgspec
 import numpy as np
 
 from calibration.camera import Calibration
-from calibration.files import read_records
-from capture.errors import InputError
+from calibration.files import read_record
 
 if TYPE_CHECKING:
     from calibration.vignetting import VignettingFit
@@ -45,6 +44,11 @@ class VignettingRecord(msgspec.Struct, frozen=True):
     angle_rad: list[float]
     sigma: list[float]
 
+    def __post_init__(self) -> None:
+        """Raise ValueError, which msgspec tells of, if there is no standard deviation."""
+        if not 0 < len(self.angle_rad) == len(self.sigma):
+            raise ValueError("wanted as many of sigma as of angle_rad")
+
 
 def vignetting_record(
     fit: "VignettingFit", calibration: Calibration, source: str, pictures: Sequence[str]
@@ -76,16 +80,7 @@ def read_vignetting_record(path: Path) -> VignettingRecord | None:
     InputError
         If what the file keeps was altered.
     """
-    content = read_records(path).get("vignetting_fit")
-    if content is None:
-        return None
-    try:
-        record = msgspec.convert(content, VignettingRecord)
-    except msgspec.ValidationError as error:
-        raise InputError(f"{path}: vignetting_fit: {error}") from None
-    if not 0 < len(record.angle_rad) == len(record.sigma):
-        raise InputError(f"{path}: vignetting_fit: wanted as many of sigma as of angle_rad")
-    return record
+    return read_record(path, "vignetting_fit", VignettingRecord)
 
 
 def correction_error(record: VignettingRecord, calibration: Calibration) -> tuple[float, float]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from calibration.board import Board
 from calibration.camera import Calibration
-from calibration.files import read_object
+from calibration.files import read_record
 from calibration.lens.adjust import Solution
 from calibration.lens.choice import Trial
 from calibration.lens.corners import WARP_DEGREES, Corners, gather
@@ -113,13 +113,12 @@ def read_lens_record(path: Path) -> LensRecord:
         If the file cannot be read, was not made by `fishlight calibrate lens`, or has lost a part
         of what that wrote.
     """
-    content = read_object(path).get("lens_fit")
-    if content is None:
+    record = read_record(path, "lens_fit", LensRecord)
+    if record is None:
         raise InputError(f"{path} keeps no views: it was not made by fishlight calibrate lens")
     try:
-        record = msgspec.convert(content, LensRecord)
         check_record(record)
-    except (msgspec.ValidationError, InputError) as error:
+    except InputError as error:
         raise InputError(f"{path}: lens_fit: {error}") from None
     return record
 
