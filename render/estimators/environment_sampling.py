@@ -24,10 +24,19 @@ from lighting.maps.environment import luminance
 from lighting.reduce import reduce_to_lights
 from lighting.sphere.latlong import cell_directions, solid_angles
 from render.estimators.contract import Estimate, Floats, Setting, Shadows
-from render.estimators.map_tables import MapTables, draw_from_map, map_tables, place_in_cell
-from render.estimators.points import Points, net, random, shift_of, shifted
-from render.estimators.shading import CARRIED, FIELDS, TOWARD, add_visible, reflect, start_at
-from render.rays.embree import PACKET, packet
+from render.estimators.map_tables import map_tables, place_in_cell
+from render.estimators.points import net, random
+from render.estimators.proposals import add_proposed
+from render.estimators.shading import (
+    CARRIED,
+    FIELDS,
+    TOWARD,
+    add_visible,
+    add_waiting,
+    reflect,
+    waiting,
+)
+from render.rays.embree import PACKET
 from render.reference.surfaces import HIT
 
 
@@ -60,7 +69,11 @@ def inverse_cdf(setting: Setting) -> Estimate:
     tables = map_tables(setting.environment)
 
     def estimate(surfaces: Floats, samples: int, seed: int, radiance: Floats) -> int:
-        return int(_add(setting.shadows, tables, surfaces, net(samples), seed, radiance))
+        return int(
+            add_proposed(
+                setting.shadows, tables, True, False, surfaces, net(samples), seed, radiance
+            )
+        )
 
     return estimate
 
@@ -105,36 +118,6 @@ def share_out(method: str, setting: Setting, count: int) -> Strata:
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def _add(
-    shadows: Shadows,
-    tables: MapTables,
-    surfaces: Floats,
-    points: Points,
-    seed: int,
-    radiance: Floats,
-) -> int:  # pragma: no cover - compiled
-    traced = 0
-    for k in prange(len(surfaces)):
-        surface = surfaces[k]
-        if surface[HIT].max() == 0 or tables.rows[-1] == 0:
-            continue
-        shadow = packet()
-        start_at(surface, shadow)
-        light = np.zeros((FIELDS, PACKET), np.float32)
-        for s in range(len(points)):
-            for i in range(PACKET):
-                u, v = shifted(points, s, shift_of(seed, k, i))
-                row, column, x, y, z = draw_from_map(tables, u, v)
-                light[TOWARD, i], light[TOWARD + 1, i], light[TOWARD + 2, i] = x, y, z
-                whole = tables.density[row, column] * len(points)
-                for c in range(3):
-                    light[CARRIED + c, i] = tables.radiance[row, column, c] / whole
-            reflect(shadows, surface, light)
-            traced += add_visible(shadows, surface, light, shadow, radiance[k])
-    return traced
-
-
-@njit(cache=True, nogil=True, parallel=True)
 def _add_strata(
     shadows: Shadows,
     strata: Strata,
@@ -148,8 +131,7 @@ def _add_strata(
         surface = surfaces[k]
         if surface[HIT].max() == 0:
             continue
-        shadow = packet()
-        start_at(surface, shadow)
+        held = waiting()
         light = np.zeros((FIELDS, PACKET), np.float32)
         for s in range(len(strata.power)):
             first, end = strata.starts[s], strata.starts[s + 1]
@@ -164,5 +146,6 @@ def _add_strata(
                 for c in range(3):
                     light[CARRIED + c, i] = strata.power[s] * strata.colour[at, c]
             reflect(shadows, surface, light)
-            traced += add_visible(shadows, surface, light, shadow, radiance[k])
+            traced += add_visible(shadows, surface, light, held, radiance[k])
+        traced += add_waiting(shadows, held, radiance[k])
     return traced

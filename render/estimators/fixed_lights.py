@@ -14,7 +14,14 @@ from numba import njit, prange
 
 from lighting.reduce import reduce_to_lights
 from render.estimators.contract import Estimate, Floats, Setting, Shadows
-from render.estimators.shading import CARRIED, FIELDS, TOWARD, add_visible, reflect, start_at
+from render.estimators.shading import (
+    CARRIED,
+    FIELDS,
+    TOWARD,
+    add_visible_alike,
+    reflect,
+    start_at,
+)
 from render.lights.dome import dome_lights
 from render.rays.embree import PACKET, packet
 from render.reference.surfaces import HIT
@@ -56,5 +63,5 @@ def _add(
                 light[TOWARD + axis] = directions[s, axis]
                 light[CARRIED + axis] = irradiance[s, axis]
             reflect(shadows, surface, light)
-            traced += add_visible(shadows, surface, light, shadow, radiance[k])
+            traced += add_visible_alike(shadows, surface, light, shadow, radiance[k])
     return traced

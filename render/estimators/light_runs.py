@@ -98,7 +98,7 @@ def light_runs(environment: EnvironmentMap) -> LightRuns:
     )
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy", forceinline=True)
 def draw_from_run(
     runs: LightRuns, run: int, share: float, v: float
 ) -> tuple[int, float, float, float]:  # pragma: no cover - compiled

@@ -18,12 +18,20 @@ References
 import numpy as np
 from numba import njit, prange
 
-from render.estimators.brdf_sampling import draw_reflected, mirror_share, reflected_density
 from render.estimators.contract import Estimate, Floats, Setting, Shadows
-from render.estimators.map_tables import MapTables, cell_of, draw_from_map, map_tables
-from render.estimators.points import Points, net, shift_of, shifted
-from render.estimators.shading import CARRIED, FIELDS, TOWARD, add_visible, reflect, start_at
-from render.rays.embree import PACKET, packet
+from render.estimators.lobes import mirror_shares, reflected_density
+from render.estimators.map_tables import MapTables, map_tables
+from render.estimators.points import Points, net, shifted, shifts_of
+from render.estimators.proposals import draw, set_carried
+from render.estimators.shading import (
+    FIELDS,
+    TOWARD,
+    add_visible,
+    add_waiting,
+    reflect,
+    waiting,
+)
+from render.rays.embree import PACKET
 from render.reference.surfaces import HIT
 
 BALANCE, POWER = 1, 2
@@ -74,7 +82,7 @@ def allocation(samples: int, light_share: float) -> int:
     return min(max(round(samples * light_share), 1), samples - 1)
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy", forceinline=True)
 def weight(mine: float, other: float, heuristic: int) -> float:  # pragma: no cover - compiled
     """Return the weight of a direction; `mine` is n p of the way it was drawn, positive."""
     if heuristic == BALANCE:
@@ -98,31 +106,30 @@ def _add(
         surface = surfaces[k]
         if surface[HIT].max() == 0:
             continue
-        shadow = packet()
-        start_at(surface, shadow)
+        held = waiting()
         light = np.zeros((FIELDS, PACKET), np.float32)
+        shifts = shifts_of(seed, k, 0), shifts_of(seed, k, PACKET)
+        shares = mirror_shares(surface)
         for s in range(len(of_light) + len(of_brdf)):
             by_light = s < len(of_light)
             for i in range(PACKET):
-                light[CARRIED : CARRIED + 3, i] = 0
                 if surface[HIT, i] == 0:
                     continue
-                share = mirror_share(surface, i)
                 if by_light:
-                    u, v = shifted(of_light, s, shift_of(seed, k, i))
-                    row, column, x, y, z = draw_from_map(tables, u, v)
+                    u, v = shifted(of_light, s, shifts[0][i])
                 else:
-                    u, v = shifted(of_brdf, s - len(of_light), shift_of(seed, k, i + PACKET))
-                    x, y, z = draw_reflected(surface, i, share, u, v)
-                    row, column = cell_of(tables, x, y, z)
-                light[TOWARD, i], light[TOWARD + 1, i], light[TOWARD + 2, i] = x, y, z
-                reflecting = len(of_brdf) * reflected_density(surface, i, share, x, y, z)
-                shining = np.float64(len(of_light) * tables.density[row, column])
-                mine, other = (shining, reflecting) if by_light else (reflecting, shining)
-                if mine > 0:
-                    scale = weight(mine, other, heuristic) / mine
-                    for c in range(3):
-                        light[CARRIED + c, i] = scale * tables.radiance[row, column, c]
+                    u, v = shifted(of_brdf, s - len(of_light), shifts[1][i])
+                row, column, density = draw(tables, by_light, shares[i], surface, u, v, light, i)
+                if by_light:
+                    x, y, z = light[TOWARD, i], light[TOWARD + 1, i], light[TOWARD + 2, i]
+                    mine = len(of_light) * density
+                    other = len(of_brdf) * reflected_density(surface, i, shares[i], x, y, z)
+                else:
+                    mine = len(of_brdf) * density
+                    other = np.float64(len(of_light) * tables.density[row, column])
+                scale = weight(mine, other, heuristic) / mine if mine > 0 else 0.0
+                set_carried(tables, row, column, scale, light, i)
             reflect(shadows, surface, light)
-            traced += add_visible(shadows, surface, light, shadow, radiance[k])
+            traced += add_visible(shadows, surface, light, held, radiance[k])
+        traced += add_waiting(shadows, held, radiance[k])
     return traced

@@ -104,7 +104,7 @@ def passes_of(
         lowest = 0.0
         environment = _upper_half(environment)
     view = view_of(camera)
-    with Occluders(tables.positions, tables.faces) as occluders:
+    with Occluders(tables.positions, tables.faces, is_watertight=False) as occluders:
         shadows = Shadows(occluded16_address(), occluders.address, tables.sphere, lowest)
         estimate = ESTIMATORS[name](Setting(environment, shadows))
 

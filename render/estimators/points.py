@@ -12,6 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lighting.sampling.low_discrepancy import low_discrepancy_points
+from render.rays.embree import PACKET
 from render.reference.pixel_rays import mixed
 
 Points = NDArray[np.uint32]
@@ -45,13 +46,22 @@ def independent(count: int) -> Points:
     return np.zeros((count, 2), np.uint32)
 
 
-@njit(nogil=True)
+@njit(nogil=True, forceinline=True)
 def shift_of(seed: int, k: int, i: int) -> np.uint64:  # pragma: no cover - compiled
     """Return the shift of surface `i` of packet `k`: 64 random bits."""
     return mixed(mixed(np.uint64(seed)) ^ np.uint64(k << 8 | i))
 
 
-@njit(nogil=True)
+@njit(nogil=True, forceinline=True)
+def shifts_of(seed: int, k: int, first: int) -> NDArray[np.uint64]:  # pragma: no cover - compiled
+    """Return `shift_of` surfaces `first` to `first` + 15 of packet `k`, (16,)."""
+    shifts = np.empty(PACKET, np.uint64)
+    for i in range(PACKET):
+        shifts[i] = shift_of(seed, k, first + i)
+    return shifts
+
+
+@njit(nogil=True, forceinline=True)
 def shifted(points: Points, s: int, shift: np.uint64) -> tuple[float, float]:  # pragma: no cover
     """Return point `s`, moved, in [0, 1)²."""
     u = np.uint64(points[s, 0]) ^ (shift >> np.uint64(32))
@@ -59,7 +69,7 @@ def shifted(points: Points, s: int, shift: np.uint64) -> tuple[float, float]:  #
     return np.float64(u) * (1 / _BITS), np.float64(v) * (1 / _BITS)
 
 
-@njit(nogil=True)
+@njit(nogil=True, forceinline=True)
 def random(seed: int, k: int, i: int, s: int) -> float:  # pragma: no cover - compiled
     """Return a random number in [0, 1) for sample `s` of surface `i` of packet `k`."""
     bits = mixed(shift_of(seed, k, i) + np.uint64(s + 1))

@@ -22,20 +22,22 @@ import numpy as np
 from numba import njit, prange
 
 from lighting.maps.environment import LUMINANCE_WEIGHTS, luminance
-from render.estimators.brdf_sampling import draw_reflected, mirror_share, reflected_density
 from render.estimators.contract import Estimate, Floats, Setting, Shadows
-from render.estimators.map_tables import MapTables, cell_of, draw_from_map, map_tables
-from render.estimators.points import Points, net, random, shift_of, shifted
+from render.estimators.lobes import mirror_shares
+from render.estimators.map_tables import MapTables, map_tables
+from render.estimators.points import Points, net, random, shifts_of
+from render.estimators.proposals import propose
 from render.estimators.shading import (
     CARRIED,
     FIELDS,
     TOWARD,
     add_visible,
+    add_waiting,
     luminance_of,
     reflect,
-    start_at,
+    waiting,
 )
-from render.rays.embree import PACKET, packet
+from render.rays.embree import PACKET
 from render.reference.surfaces import ALPHA2, F0, F90, HIT, MATT, NORMAL, TO_EYE
 
 GROUP = 8
@@ -87,9 +89,9 @@ def _resample(
         surface = surfaces[k]
         if surface[HIT].max() == 0:
             continue
-        shadow = packet()
-        start_at(surface, shadow)
+        held = waiting()
         light = np.zeros((FIELDS, PACKET), np.float32)
+        shifts, shares = shifts_of(seed, k, 0), mirror_shares(surface)
         kept = np.zeros((FIELDS, PACKET), np.float32)
         total = np.zeros(PACKET, np.float32)
         for group in range(groups):
@@ -97,7 +99,7 @@ def _resample(
             members = range(group, len(points), groups)
             kept[:], total[:] = 0, 0
             for s in members:
-                _propose(tables, by_light, points, s, seed, k, surface, light)
+                propose(tables, by_light, points, s, shifts, shares, surface, light)
                 reflect(shadows, surface, light)
                 for i in range(PACKET):
                     weight = luminance_of(light, i)
@@ -108,9 +110,9 @@ def _resample(
                         for row in range(CARRIED, FIELDS):
                             kept[row, i] = light[row, i] / weight
             for row in range(CARRIED, FIELDS):
-                # Each group stands for its share of all candidates: (Σ w / n) n / N.
-                kept[row] *= total / np.float32(len(points))
-            traced += add_visible(shadows, surface, kept, shadow, radiance[k])
+                kept[row] *= total  # a group stands for its share of all candidates
+            traced += add_visible(shadows, surface, kept, held, radiance[k])
+        traced += add_waiting(shadows, held, radiance[k])
     return traced
 
 
@@ -130,54 +132,25 @@ def _reject(
         surface = surfaces[k]
         if surface[HIT].max() == 0:
             continue
-        shadow = packet()
-        start_at(surface, shadow)
+        held = waiting()
         light = np.zeros((FIELDS, PACKET), np.float32)
-        bound = np.zeros(PACKET)
+        shifts, shares = shifts_of(seed, k, 0), mirror_shares(surface)
+        most = np.zeros(PACKET)
         for i in range(PACKET):
-            bound[i] = brightest * (_most_reflected(surface, i) if by_light else 1)
+            reflected = _most_reflected(surface, i) if by_light else 1
+            most[i] = brightest * reflected / len(points)
         for s in range(len(points)):
-            _propose(tables, by_light, points, s, seed, k, surface, light)
+            propose(tables, by_light, points, s, shifts, shares, surface, light)
             reflect(shadows, surface, light)
             for i in range(PACKET):
                 weight = luminance_of(light, i)
-                is_kept = weight > 0 and random(seed, k, i, s) * bound[i] < weight
-                scale = max(bound[i] / weight, 1) / len(points) if is_kept else 0
+                is_kept = weight > 0 and random(seed, k, i, s) * most[i] < weight
+                scale = max(most[i] / weight, 1) if is_kept else 0
                 for row in range(CARRIED, FIELDS):
                     light[row, i] *= scale
-            traced += add_visible(shadows, surface, light, shadow, radiance[k])
+            traced += add_visible(shadows, surface, light, held, radiance[k])
+        traced += add_waiting(shadows, held, radiance[k])
     return traced
-
-
-@njit(nogil=True, error_model="numpy")
-def _propose(
-    tables: MapTables,
-    by_light: bool,
-    points: Points,
-    s: int,
-    seed: int,
-    k: int,
-    surface: Floats,
-    light: Floats,
-) -> None:  # pragma: no cover - compiled
-    """Set directions, and radiance over density for what they carry."""
-    for i in range(PACKET):
-        light[CARRIED:FIELDS, i] = 0
-        if surface[HIT, i] == 0 or tables.rows[-1] == 0:
-            continue
-        u, v = shifted(points, s, shift_of(seed, k, i))
-        if by_light:
-            row, column, x, y, z = draw_from_map(tables, u, v)
-            density = float(tables.density[row, column])
-        else:
-            share = mirror_share(surface, i)
-            x, y, z = draw_reflected(surface, i, share, u, v)
-            density = reflected_density(surface, i, share, x, y, z)
-            row, column = cell_of(tables, x, y, z)
-        light[TOWARD, i], light[TOWARD + 1, i], light[TOWARD + 2, i] = x, y, z
-        if density > 0:
-            for c in range(3):
-                light[CARRIED + c, i] = tables.radiance[row, column, c] / density
 
 
 @njit(nogil=True)

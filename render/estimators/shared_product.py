@@ -22,7 +22,14 @@ from render.estimators.block_response import respond
 from render.estimators.contract import Estimate, Floats, Setting, Shadows
 from render.estimators.light_runs import LightRuns, draw_from_run, light_runs
 from render.estimators.points import random
-from render.estimators.shading import CARRIED, FIELDS, TOWARD, add_visible, reflect, start_at
+from render.estimators.shading import (
+    CARRIED,
+    FIELDS,
+    TOWARD,
+    add_visible_alike,
+    reflect,
+    start_at,
+)
 from render.rays.embree import PACKET, packet
 from render.reference.surfaces import HIT
 
@@ -77,7 +84,7 @@ def _add(
             for c in range(3):
                 light[CARRIED + c] = scale * runs.radiance[row, column, c]
             reflect(shadows, surface, light)
-            traced += add_visible(shadows, surface, light, shadow, radiance[k])
+            traced += add_visible_alike(shadows, surface, light, shadow, radiance[k])
     return traced
 
 

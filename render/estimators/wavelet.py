@@ -27,11 +27,12 @@ from render.estimators.shading import (
     FIELDS,
     TOWARD,
     add_visible,
+    add_waiting,
     cell_luminance,
     reflect,
-    start_at,
+    waiting,
 )
-from render.rays.embree import PACKET, packet
+from render.rays.embree import PACKET
 from render.reference.surfaces import HIT
 
 
@@ -68,8 +69,7 @@ def _add(
         surface = surfaces[k]
         if surface[HIT].max() == 0:
             continue
-        shadow = packet()
-        start_at(surface, shadow)
+        held = waiting()
         light = np.zeros((FIELDS, PACKET), np.float32)
         first = start(blocks.level)
         response = np.ones((len(blocks.directions), PACKET), np.float32)
@@ -96,5 +96,6 @@ def _add(
                 for c in range(3):
                     light[CARRIED + c, i] = scale * blocks.radiance[row, column, c]
             reflect(shadows, surface, light)
-            traced += add_visible(shadows, surface, light, shadow, radiance[k])
+            traced += add_visible(shadows, surface, light, held, radiance[k])
+        traced += add_waiting(shadows, held, radiance[k])
     return traced

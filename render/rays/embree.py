@@ -50,6 +50,9 @@ class Occluders(Owner):
         May be empty: then nothing is ever hit.
     is_quick : bool
         Build five times as fast what is then traced a little slower: for what moves.
+    is_watertight : bool
+        Without it a quarter more rays are traced in a second, and one in a million slips between
+        two triangles; of rays aimed at edges, one in twenty.
 
     Raises
     ------
@@ -58,7 +61,12 @@ class Occluders(Owner):
     """
 
     def __init__(
-        self, positions: NDArray[np.float32], faces: NDArray[np.int32], *, is_quick: bool = False
+        self,
+        positions: NDArray[np.float32],
+        faces: NDArray[np.int32],
+        *,
+        is_quick: bool = False,
+        is_watertight: bool = True,
     ) -> None:
         library = _library()
         # Embree reads 16 bytes where a vertex has 12.
@@ -67,7 +75,7 @@ class Occluders(Owner):
         self._faces = np.ascontiguousarray(faces, np.uint32)
         self._device = library.rtcNewDevice(None)
         self._scene = library.rtcNewScene(self._device)
-        library.rtcSetSceneFlags(self._scene, _ROBUST)
+        library.rtcSetSceneFlags(self._scene, _ROBUST if is_watertight else 0)
         quality = _QUICK if is_quick else _THOROUGH
         library.rtcSetSceneBuildQuality(self._scene, quality)
         if len(faces):

@@ -11,9 +11,9 @@ from numba import njit
 from lighting.maps.environment import luminance
 from lighting.sphere.latlong import direction_to_grid, solid_angles
 from render.estimators.block_response import respond
-from render.estimators.brdf_sampling import draw_reflected, mirror_share, reflected_density
 from render.estimators.environment_sampling import share_out
 from render.estimators.light_runs import draw_from_run, light_runs
+from render.estimators.lobes import draw_reflected, mirror_share, reflected_density
 from render.estimators.map_blocks import add_up_levels, map_blocks, start, warp
 from render.estimators.map_tables import draw_from_map, map_tables
 from render.estimators.multiple_importance import BALANCE, POWER, allocation, weight
