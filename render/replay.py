@@ -11,7 +11,8 @@ Fails  : a bracket that cannot be read holds the picture of the one before it in
          follow those of the one before it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,8 @@ from lighting.maps.environment import EnvironmentMap
 from lighting.maps.remap import apply_remap, build_remap
 from lighting.reduce import BLOCK_METHODS
 from lighting.stream.light_stream import LightPlan, StreamMemory, next_lights
+from render.frame_rate import FrameRate
+from render.output.enlarging import enlarged
 from render.replay_folder import ReplayFolder, check_output, write_session
 from render.scene_renderer import SceneRenderer
 from render.scenes.scene import Camera, Scene
@@ -52,6 +55,8 @@ class ReplaySummary:
         Lights that each bracket was reduced to.
     predicted_errors : tuple of float
         Of each bracket, if the method predicts them.
+    drawn_px : tuple of (int, int)
+        (width, height) in which each picture was drawn, to be enlarged if that is less than asked.
     clipped_count : int
         Brackets with light that was clipped in every exposure: their lights are a lower bound.
     failures : tuple of str
@@ -62,6 +67,7 @@ class ReplaySummary:
     clock: StageClock
     light_counts: tuple[int, ...]
     predicted_errors: tuple[float, ...]
+    drawn_px: tuple[tuple[int, int], ...]
     clipped_count: int
     failures: tuple[str, ...]
 
@@ -69,6 +75,11 @@ class ReplaySummary:
     def median_lights(self) -> float:
         """Median number of lights of a bracket."""
         return float(np.median(self.light_counts))
+
+    @property
+    def median_drawn_px(self) -> tuple[int, int]:
+        """Median size in which a picture was drawn."""
+        return sorted(self.drawn_px)[len(self.drawn_px) // 2]
 
     @property
     def median_predicted_error(self) -> float | None:
@@ -85,6 +96,7 @@ def replay(
     camera: Camera,
     map_height: int = 512,
     calibration_path: Path | None = None,
+    frame_rate_hz: float | None = None,
     through_ground: bool = False,
     force: bool = False,
 ) -> ReplaySummary:
@@ -104,6 +116,9 @@ def replay(
         Rows N of the N × 2N maps.
     calibration_path : Path or None
         Calibration to use instead of the recording's own.
+    frame_rate_hz : float or None
+        As many brackets a second are to be merged, reduced and drawn: `plan` may then have fewer
+        lights, and pictures may be drawn smaller.
     through_ground : bool
         Show the map through the ground, which then only carries shadows.
     force : bool
@@ -116,6 +131,8 @@ def replay(
         `output` holds something else.
     """
     check_output(output, force=force)
+    rate = FrameRate(frame_rate_hz)
+    cameras = cache(lambda size_px: replace(camera, size_px=size_px))
     recording = open_recording(recording_folder)
     calibration = _calibration(recording, calibration_path)
     remap = build_remap(calibration, map_height)
@@ -128,11 +145,12 @@ def replay(
     took_ms: float | None = None
     light_counts: list[int] = []
     predicted_errors: list[float] = []
+    drawn_px: list[tuple[int, int]] = []
     clipped_count = 0
     failures: list[str] = []
     with (
         SceneRenderer(still_pictures=0) as renderer,
-        ReplayFolder(output, camera.size_px, frame_rate_hz(recording)) as folder,
+        ReplayFolder(output, camera.size_px, recorded_rate_hz(recording)) as folder,
     ):
 
         def process(bracket: Bracket, clock: StageClock, counters: Counters) -> None:
@@ -146,10 +164,11 @@ def replay(
             if source_blocks is not None:
                 with clock.stage("blocks"):
                     view = apply_source_blocks(source_blocks, image)
+            planned = rate.planned(plan)
             with clock.stage("lights"):
                 lights, memory = next_lights(
                     view,
-                    plan,
+                    planned,
                     memory,
                     took_ms=took_ms,
                     timestamp_s=bracket.timestamp_s,
@@ -159,11 +178,18 @@ def replay(
             if lights.predicted_error is not None:
                 predicted_errors.append(lights.predicted_error)
             clipped_count += bool(view.clipped.any())
+            drawn_px.append(rate.size_px(camera.size_px))
             with clock.stage("render"):
-                radiance = renderer.render(
-                    scene, camera, lights, environment, through_ground=through_ground
+                drawn = renderer.render(
+                    scene,
+                    cameras(drawn_px[-1]),
+                    lights,
+                    environment,
+                    through_ground=through_ground,
                 )
+                radiance = enlarged(drawn, camera.size_px)
             counters.rendered += 1
+            rate.judge(clock.frames[-1], planned, memory)
             took_ms = clock.frames[-1]["lights"] + clock.frames[-1]["render"]
             with clock.stage("write"):
                 folder.write(bracket.index, environment, lights, radiance)
@@ -182,6 +208,7 @@ def replay(
         clock,
         tuple(light_counts),
         tuple(predicted_errors),
+        tuple(drawn_px),
         clipped_count,
         tuple(failures),
     )
@@ -189,7 +216,7 @@ def replay(
     return summary
 
 
-def frame_rate_hz(recording: Recording) -> float:
+def recorded_rate_hz(recording: Recording) -> float:
     """Brackets per second of a recording, 25 where its timestamps do not tell."""
     times_s = recording.bracket_timestamps_s
     duration_s = times_s[-1] - times_s[0]
@@ -244,6 +271,7 @@ def _account(summary: ReplaySummary) -> dict[str, Any]:
     return {
         "counters": vars(summary.counters),
         "median_lights": summary.median_lights,
+        "drawn_px": summary.drawn_px,
         "median_predicted_error": summary.median_predicted_error,
         "clipped_brackets": summary.clipped_count,
         "failures": summary.failures,

@@ -33,6 +33,7 @@ def replay_command(
     count: Count = 64,
     error: Error = None,
     budget_ms: float | None = None,
+    fps: float | None = None,
     method: MethodName = ADAPTIVE,
     steady: Steady = True,
     height: WholeNumber = 512,
@@ -54,6 +55,10 @@ def replay_command(
     budget_ms
         With --count auto: no more lights than can be found and rendered in so many milliseconds.
         The lights then depend on how fast the machine is.
+    fps
+        Keep up with so many brackets a second: with fewer lights than --count, and if that is not
+        enough with smaller pictures, which are enlarged. The results then depend on how fast the
+        machine is. Files are written beside, and may take longer.
     steady
         Smooth what trembles from bracket to bracket, such as noise and mains ripple. Small changes
         are then late, nine tenths of them shown within 0.58 s; large ones are shown at once.
@@ -80,6 +85,8 @@ def replay_command(
             raise InputError(f"{timings.parent} is not a folder; give --timings one that exists")
     if budget_ms is not None and isinstance(count, int):
         raise InputError("--budget-ms limits --count auto, and that was not given")
+    if budget_ms is not None and fps is not None:
+        raise InputError("--fps sets the budget of every frame; leave out --budget-ms")
     most, error = most_lights(count, error, method)
     plan = LightPlan(most, method, error, budget_ms, is_steady=steady)
     scene, camera = scene_to_render(mesh, parse_size(size))
@@ -91,12 +98,15 @@ def replay_command(
         camera=camera,
         map_height=height,
         calibration_path=calibration,
+        frame_rate_hz=fps,
         through_ground=mixed_reality,
         force=force,
     )
     if timings is not None:
         write_timings(timings, summary, force=force)
     _report(summary, output)
+    if fps is not None:
+        _report_choice(summary, fps, camera.size_px)
 
 
 def _report(summary: ReplaySummary, output: Path) -> None:
@@ -122,3 +132,12 @@ def _report(summary: ReplaySummary, output: Path) -> None:
         stages = ", ".join(f"{name} {stage['median_ms']:.1f}" for name, stage in times.items())
         to_lights_ms = capture_to_lights_ms(summary.clock)
         print(f"median ms: {stages}; capture to lights {to_lights_ms:.1f}")
+
+
+def _report_choice(summary: ReplaySummary, fps: float, asked_px: tuple[int, int]) -> None:
+    drawn, asked = ("×".join(map(str, size)) for size in (summary.median_drawn_px, asked_px))
+    enlarged = "" if drawn == asked else f", enlarged to {asked}"
+    print(
+        f"for {fps:g} brackets a second: median lights {summary.median_lights:g}, "
+        f"pictures drawn in {drawn}{enlarged}"
+    )

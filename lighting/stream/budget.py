@@ -7,8 +7,8 @@ judged by their median, against a band that is wide while they are few and then 
 budget: with 10 % of normal noise the count changes once in a thousand frames, with 20 % once in
 eighty.
 
-Fails : where even one light takes longer than the budget, one light it is. A load that comes and
-        goes with a period of many frames is followed.
+Fails : where even the fewest lights take longer than the budget, the fewest it is. A load that
+        comes and goes with a period of many frames is followed.
 """
 
 from collections.abc import Sequence
@@ -26,8 +26,10 @@ _BAND_OF_FEW_FRAMES = (0.5, 1.3)
 _MOST_CHANGE = 2.0
 
 
-def next_count(most: int, drawn: int, took_ms: Sequence[float], budget_ms: float) -> int:
-    """Return the most lights that the next frame may have, at least 1.
+def next_count(
+    most: int, drawn: int, took_ms: Sequence[float], budget_ms: float, fewest: int = 1
+) -> int:
+    """Return the most lights that the next frame may have, at least `fewest`.
 
     Parameters
     ----------
@@ -40,6 +42,8 @@ def next_count(most: int, drawn: int, took_ms: Sequence[float], budget_ms: float
         than three nothing changes.
     budget_ms : float
         Milliseconds that a frame may take.
+    fewest : int
+        Below it their number is not brought.
     """
     if len(took_ms) < _FEWEST_FRAMES:
         return most
@@ -50,4 +54,4 @@ def next_count(most: int, drawn: int, took_ms: Sequence[float], budget_ms: float
     change = min(max(_AIM / use, 1 / _MOST_CHANGE), _MOST_CHANGE) if use > 0 else _MOST_CHANGE
     fitting = int(drawn * change)
     # Growing from what was drawn, `most` never runs far ahead of what was timed.
-    return max(most, fitting) if use < least else max(min(most - 1, fitting), 1)
+    return max(most, fitting) if use < least else max(min(most - 1, fitting), fewest)

@@ -32,9 +32,11 @@ class LightPlan:
     error : float or None
         Relative error behind occluders that is to be met with as few lights as will do.
     budget_ms : float or None
-        Milliseconds that lights and picture may take, with `error`: where more lights would be
-        needed than there is time for, the error is not met. Changing their number moves no light
-        but those that are cut in two or put together.
+        Milliseconds that lights and picture may take: `count` or `error` is then not met where more
+        lights would be needed than there is time for. Changing their number moves no light but
+        those that are cut in two or put together.
+    fewest : int
+        Lights for which there always is time.
     is_steady : bool
         Whether what trembles is smoothed (temporal.py).
     """
@@ -43,16 +45,13 @@ class LightPlan:
     method: str = ADAPTIVE
     error: float | None = None
     budget_ms: float | None = None
+    fewest: int = 1
     is_steady: bool = True
 
     def __post_init__(self) -> None:
         check_request(self.count, self.method, self.error)
-        if self.budget_ms is None:
-            return
-        if not 0 < self.budget_ms < float("inf"):
+        if self.budget_ms is not None and not 0 < self.budget_ms < float("inf"):
             raise InputError(f"a budget must be above 0 ms, got {self.budget_ms:g}")
-        if self.error is None:
-            raise InputError("a budget limits the lights that meet an error; give one too")
 
     @property
     def block_rows(self) -> int:
@@ -98,7 +97,7 @@ def next_lights(
     ----------
     view : EnvironmentMap or BlockSums
     plan : LightPlan
-        The same for every frame.
+        The same for every frame, but for its budget.
     memory : StreamMemory or None
         That of the last frame; None for the first.
     took_ms : float or None
@@ -140,5 +139,6 @@ def _time_for(
     times_ms = memory.took_ms
     if took_ms is not None:
         times_ms = (*times_ms, took_ms)[-FRAMES:]
-    most = min(next_count(memory.most, memory.found, times_ms, plan.budget_ms), plan.count)
+    following = next_count(memory.most, memory.found, times_ms, plan.budget_ms, plan.fewest)
+    most = min(following, plan.count)
     return most, times_ms if most == memory.most else ()

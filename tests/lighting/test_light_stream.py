@@ -132,6 +132,9 @@ def test_a_budget_that_is_none_is_refused(budget_ms):
         LightPlan(error=0.1, budget_ms=budget_ms)
 
 
-def test_a_budget_needs_an_error():
-    with pytest.raises(InputError, match="give one too"):
-        LightPlan(budget_ms=30.0)
+def test_a_budget_bounds_a_fixed_count_too_down_to_the_fewest():
+    plan = LightPlan(48, budget_ms=10.0, fewest=12, is_steady=False)
+    slow, _ = stream([outdoors(ROWS)] * 12, plan, took_ms=100.0)
+    assert [len(each) for each in slow] == [FIRST_COUNT] * 3 + [16] * 3 + [12] * 6
+    fast, _ = stream([outdoors(ROWS)] * 5, plan, took_ms=1.0)
+    assert [len(each) for each in fast] == [FIRST_COUNT] * 3 + [48] * 2

@@ -14,6 +14,7 @@ import pytest
 
 from calibration.files import read_calibration
 from capture.merge import merge_bracket
+from capture.pictures import read_picture
 from capture.recording import open_recording
 from lighting.blocks.block_sums import BlockSums
 from lighting.blocks.source_blocks import apply_source_blocks, build_source_blocks
@@ -165,6 +166,24 @@ def test_a_budget_bounds_the_lights(
     assert counts == [32, 32, 32, last_count]
 
 
+def test_a_frame_rate_draws_smaller_pictures_and_says_so(
+    short_recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = tmp_path / "out"
+    replay_here(short_recording, "-o", output, *SMALL, "--fps", "1e6")
+    # Twelve lights are few already; three frames are timed, and then two steps taken.
+    drawn = json.loads((output / "session.json").read_text())["drawn_px"]
+    assert drawn == [[96, 64]] * 3 + [[68, 45]]
+    printed = capsys.readouterr().out
+    assert "for 1e+06 brackets a second: median lights 12, pictures drawn in 96×64\n" in printed
+    pictures = [read_picture(path) for path in sorted((output / "pictures").iterdir())]
+    assert [picture.shape for picture in pictures] == [(64, 96, 3)] * 4
+    # The same scene in nearly the same light, but for outlines.
+    difference = np.abs(pictures[3].astype(float) - pictures[2])
+    assert np.median(difference) < 3
+    assert difference.mean() < 6
+
+
 def test_timings_name_every_stage_of_every_frame(replayed: Path) -> None:
     timings = json.loads((replayed.parent / "t.json").read_text())
     stages = ["decode", "merge", "remap", "blocks", "lights", "render", "write", END_TO_END]
@@ -283,6 +302,8 @@ def test_a_replay_that_is_stopped_leaves_only_whole_files(
         (["--count", "auto", "--method", "cells"], "not for cells"),
         (["--count", "auto", "--budget-ms", "0"], "above 0 ms"),
         (["--budget-ms", "30"], "--budget-ms limits --count auto"),
+        (["--fps", "0"], "above 0"),
+        (["--count", "auto", "--budget-ms", "9", "--fps", "30"], "leave out --budget-ms"),
         (["--height", "0"], "--height"),
         (["--size", "640"], "WIDTHxHEIGHT"),
         (["--timings", "nowhere/t.json"], "nowhere is not a folder"),
