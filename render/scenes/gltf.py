@@ -32,17 +32,17 @@ def check_gltf(path: Path) -> set[str]:
         If the file is not complete, or holds geometry or colours in a form that trimesh misreads.
     """
     header = _header(path)
-    used = header.get("extensionsUsed", [])
+    try:
+        used = list(header.get("extensionsUsed", []))
+        cuts_colours = _has_bare_16_bit_colours(header)
+    except (KeyError, IndexError, TypeError) as error:
+        raise InputError(f"{path}: not a valid glTF file ({error!r})") from None
     for name in _UNREADABLE_EXTENSIONS:
         if name in used:
             raise InputError(
                 f"{path}: is packed with {name}, which fishlight cannot read; export it without "
                 "(for Draco: gltf-transform copy in.glb out.glb)"
             )
-    try:
-        cuts_colours = _has_bare_16_bit_colours(header)
-    except (KeyError, IndexError, TypeError) as error:
-        raise InputError(f"{path}: not a valid glTF file ({error!r})") from None
     if cuts_colours:
         raise InputError(
             f"{path}: has 16-bit vertex colours without a material, which cannot be read; "
@@ -75,6 +75,6 @@ def _header(path: Path) -> dict[str, Any]:
         header = json.loads(data)
         if not isinstance(header, dict):
             raise ValueError("no JSON object")
-    except (ValueError, struct.error) as error:
+    except (ValueError, struct.error, RecursionError) as error:
         raise InputError(f"{path}: not a complete glTF file ({error})") from None
     return header

@@ -117,6 +117,8 @@ def _mesh(
     material, coordinates, colour = _appearance(part.visual, is_gltf, notes)
     if not np.all(np.isfinite(positions)):
         raise InputError("vertices are NaN or infinite")
+    if faces.min() < 0 or faces.max() >= len(positions):
+        raise InputError(f"triangles name vertices outside 0 … {len(positions) - 1}")
     if given:
         # Normals transform with the inverse transpose.
         normals = _unit_or_up(np.asarray(part.vertex_normals) @ np.linalg.pinv(transform[:3, :3]))
@@ -190,6 +192,8 @@ def _from_obj(material: Any, has_coordinates: bool) -> Material:
     # trimesh gives a part without material a grey image, which comes from no file.
     if image is not None and "file_path" not in image.info:
         return Material()
+    if not material.glossiness >= 0:
+        raise InputError(f"a material's Ns is {material.glossiness:g}; it must be at least 0")
     roughness = float((2 / (material.glossiness + 2)) ** 0.25)  # Blinn-Phong's exponent as α
     if image is not None and has_coordinates:
         return Material((1.0, 1.0, 1.0), roughness, base_colour_texture=_pixels(image))

@@ -199,6 +199,22 @@ def test_smooth_normals_of_nothing_point_up():
     assert_array_equal(smooth_normals(np.zeros((3, 3)), np.array([[0, 1, 2]])), [[0, 1, 0]] * 3)
 
 
+TRIANGLE_PLY = b"""ply
+format ascii 1.0
+element vertex 3
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 1 0
+3 0 1 %d
+"""
+
+
 def glb(header):
     text = json.dumps(header).encode()
     text += b" " * (-len(text) % 4)
@@ -228,6 +244,9 @@ def glb(header):
             "valid glTF",
         ),
         ("a.glb", glb({"extensionsUsed": ["KHR_draco_mesh_compression"]}), "Draco"),
+        ("a.glb", glb({"extensionsUsed": None}), "not a valid glTF"),
+        ("a.gltf", b'{"a": ' + b"[" * 200_000, "not a complete glTF"),
+        ("a.ply", TRIANGLE_PLY % 3, "vertices outside 0 … 2"),
     ],
 )
 def test_unusable_files_are_refused_in_one_line_that_names_them(tmp_path, name, content, message):
@@ -237,6 +256,15 @@ def test_unusable_files_are_refused_in_one_line_that_names_them(tmp_path, name, 
         load_meshes(path)
     assert str(path) in str(failure.value)
     assert "\n" not in str(failure.value)
+
+
+@pytest.mark.parametrize("shininess", ["-2", "-5", "nan"])
+def test_a_shininess_that_is_none_is_refused(tmp_path, shininess):
+    (tmp_path / "a.mtl").write_text(f"newmtl m\nKd 1 1 1\nNs {shininess}\n")
+    path = tmp_path / "a.obj"
+    path.write_text("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n")
+    with pytest.raises(InputError, match=r"a\.obj: a material's Ns is"):
+        load_meshes(path)
 
 
 def test_a_missing_file_is_refused(tmp_path):
