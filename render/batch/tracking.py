@@ -112,6 +112,7 @@ class _Queue:
 
     sequence: FrameSequence
     runs: deque[_RunInFlight] = field(default_factory=deque)
+    has_failed: bool = False
 
 
 class Tracker:
@@ -316,6 +317,8 @@ class Tracker:
                 self._lost.remove(given_up)
         if queue in self._queues:
             self._queues.remove(queue)
+        if not queue.has_failed:  # of one whose last pictures are drawn, too
+            queue.has_failed = True
             self._on_failed(queue.sequence, error)
 
 

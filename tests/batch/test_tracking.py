@@ -25,7 +25,7 @@ def client() -> Iterator[Client]:
         yield client
 
 
-def track(client: Client, *names: str) -> tuple[list[RunRecord], list[str]]:
+def track(client: Client, *names: str, frames: int = FRAMES) -> tuple[list[RunRecord], list[str]]:
     watched.forget()
     concluded: list[RunRecord] = []
     failed: list[str] = []
@@ -35,7 +35,7 @@ def track(client: Client, *names: str) -> tuple[list[RunRecord], list[str]]:
         lambda sequence, error: failed.append(f"{sequence.job}: {error}"),
         Steps(watched.prepare, watched.light, watched.preview),
     )
-    tracker.run_all(iter([SleepingSequence(name, FRAMES) for name in names]))
+    tracker.run_all(iter([SleepingSequence(name, frames) for name in names]))
     return concluded, failed
 
 
@@ -61,6 +61,12 @@ def test_a_sequence_that_cannot_go_on_stops_alone_and_is_told_once(client):
     assert failed == ["bad: no space left"]
     assert len(concluded) == 5 + RUNS
     assert [start for job, start in watched.lit if job == "bad"] == list(range(0, 6 * 16, 16))
+
+
+def test_previews_that_fail_after_the_last_lights_are_told(client):
+    concluded, failed = track(client, "full", frames=4 * 16)
+    assert len(concluded) == 3
+    assert failed == ["full: no space left"]
 
 
 def test_nothing_to_do_is_done_at_once(client):

@@ -39,8 +39,10 @@ def light(job: Any, run: Any, frames: Any, link: str, before: Any) -> LitRun:
     if job == "bad" and run.start >= 5 * 16:
         raise InputError("no space left")
     found = light_nothing(job, run, frames, link, before)
-    return LitRun(found.record, {0: "lights"}) if job == "shown" else found
+    return LitRun(found.record, {0: "lights"}) if job in ("shown", "full") else found
 
 
-def preview(_job: Any, frames: Any, _lit: Any) -> None:
+def preview(job: Any, frames: Any, _lit: Any) -> None:
+    if job == "full" and len(previewed) >= 3:
+        raise InputError("no space left")
     previewed.append(frames)
