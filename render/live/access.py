@@ -84,8 +84,8 @@ def offered_token(authorization: str | None, protocols: str | None) -> str | Non
 def checked_origins(origins: Sequence[str]) -> tuple[str, ...]:
     """Return origins as browsers write them; InputError for anything that is none."""
     for origin in origins:
-        parts = urlsplit(origin)
-        if parts.scheme not in ("http", "https") or origin != f"{parts.scheme}://{parts.netloc}":
+        scheme, _, host = origin.partition("://")
+        if scheme not in ("http", "https") or _host_name(host) is None or set(host) & set("/?#@"):
             raise InputError(
                 f"--origin {origin}: wanted scheme, host and port, http://localhost:5173"
             )

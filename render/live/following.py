@@ -48,8 +48,12 @@ def parse_address(address: str) -> tuple[str, str]:
     InputError
         If it is no such address, or there is no token in it nor in FISHLIGHT_TOKEN.
     """
-    parts = urlsplit(address if "//" in address else f"http://{address}")
-    if parts.scheme != "http" or not parts.hostname:
+    try:
+        parts = urlsplit(address if "//" in address else f"http://{address}")
+        is_address = parts.scheme == "http" and bool(parts.hostname) and parts.port != 0
+    except ValueError:  # brackets that do not close, a port that is no number
+        is_address = False
+    if not is_address:
         raise InputError(f"{address}: wanted the address that `fishlight live` printed")
     token = parse_qs(parts.query).get("token", [os.environ.get(TOKEN_VARIABLE, "")])[0]
     if not token:

@@ -61,7 +61,7 @@ class LiveServer:
         self._port = port
         self._thread = threading.Thread(target=self._run, name="fishlight-server", daemon=True)
         self._ready = threading.Event()
-        self._error: OSError | None = None
+        self._error: str | None = None
         self._loop: asyncio.AbstractEventLoop
         self._stopped: asyncio.Event
         self._news: asyncio.Event
@@ -74,8 +74,7 @@ class LiveServer:
         self._thread.start()
         self._ready.wait()
         if self._error is not None:
-            reason = self._error.strerror or self._error
-            raise InputError(f"--host {self._access.host} --port {self._port}: {reason}")
+            raise InputError(f"--host {self._access.host} --port {self._port}: {self._error}")
         return self
 
     def __exit__(
@@ -110,8 +109,8 @@ class LiveServer:
         site = web.TCPSite(runner, self._access.host, self._port)
         try:
             await site.start()
-        except OSError as error:
-            self._error = error
+        except (OSError, UnicodeError) as error:  # the second from names that are none
+            self._error = getattr(error, "strerror", None) or str(error)
             self._ready.set()
             await runner.cleanup()
             return

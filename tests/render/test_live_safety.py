@@ -147,7 +147,9 @@ def test_a_page_that_was_let_in_follows_the_lights_and_steers_nothing():
         assert site.talk(nothing, "view", Origin=FRIEND, **protocol) == 403
 
 
-@pytest.mark.parametrize("origin", ["*", "localhost:5173", "http://a/b", "file:///x", "null"])
+@pytest.mark.parametrize(
+    "origin", ["*", "localhost:5173", "http://a/b", "file:///x", "null", "http://", "http://["]
+)
 def test_an_origin_is_named_as_browsers_name_it(origin):
     with pytest.raises(InputError, match="--origin"):
         checked_origins([origin])
@@ -372,6 +374,15 @@ def test_a_port_that_is_taken_is_told():
             LiveServer(desk, Access(), site.port),
         ):
             pass
+
+
+@pytest.mark.parametrize("host", ["a..b", "x" * 70])
+def test_a_host_that_is_no_name_is_told(host):
+    with (
+        pytest.raises(InputError, match=f"--host {host}"),
+        LiveServer(Desk(Settings(), MODELS), Access(host)),
+    ):
+        pass
 
 
 def test_the_server_s_thread_ends_with_it():

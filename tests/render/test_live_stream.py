@@ -143,8 +143,9 @@ def test_an_address_is_read_with_or_without_its_token(monkeypatch):
     monkeypatch.setenv(TOKEN_VARIABLE, "secret")
     assert parse_address("http://h:1/?token=t") == ("http://h:1/lights", "t")
     assert parse_address("h:1") == ("http://h:1/lights", "secret")
-    with pytest.raises(InputError, match="wanted the address"):
-        parse_address("ftp://h:1")
+    for address in ("ftp://h:1", "http://[?token=t", "h:port"):
+        with pytest.raises(InputError, match="wanted the address"):
+            parse_address(address)
 
 
 def test_the_command_records_lines_of_json(tmp_path, capsys):
