@@ -1,8 +1,8 @@
 """`fishlight follow`: the lights of a live session, as another program gets them."""
 
-from contextlib import nullcontext, suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TextIO
 
 from cyclopts import Parameter
 
@@ -40,17 +40,20 @@ def follow_command(
     if output is not None:
         check_place(output, force=force)
     count = 0
-    # Written as it comes, so that what was followed lasts whatever ends it.
-    with nullcontext() if output is None else output.open("w", encoding="utf-8") as file:
+    file: TextIO | None = None
+    with ExitStack() as opened:
 
         def take(text: str, message: StreamMessage) -> bool:
-            nonlocal count
+            nonlocal count, file
             count += 1
-            if file is None:
+            if output is None:
                 print(_line(message), flush=True)
-            else:
-                file.write(f"{text}\n")
-                file.flush()
+                return count != moments
+            # With the first moment, so that an older file outlives an address where nobody is;
+            # then as they come, so that what was followed lasts whatever ends it.
+            file = file or opened.enter_context(output.open("w", encoding="utf-8"))
+            file.write(f"{text}\n")
+            file.flush()
             return count != moments
 
         with suppress(KeyboardInterrupt):

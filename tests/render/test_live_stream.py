@@ -148,6 +148,17 @@ def test_an_address_is_read_with_or_without_its_token(monkeypatch):
             parse_address(address)
 
 
+def test_an_address_where_nobody_is_leaves_an_older_file_alone(tmp_path, capsys):
+    older, new = tmp_path / "older.jsonl", tmp_path / "new.jsonl"
+    older.write_text("of yesterday\n")
+    for path in (older, new):
+        with pytest.raises(SystemExit):
+            main(["follow", "http://127.0.0.1:9/?token=t", "-o", str(path), "--force"])
+    assert older.read_text() == "of yesterday\n"
+    assert not new.exists()
+    assert "no session is there" in capsys.readouterr().err
+
+
 def test_the_command_records_lines_of_json(tmp_path, capsys):
     desk = Desk(Settings(), load_models(()))
     path = tmp_path / "lights.jsonl"
