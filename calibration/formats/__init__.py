@@ -50,9 +50,7 @@ def read_camera(path: Path, camera: str = "") -> tuple[str, ForeignCamera]:
         If the format is not known, the file holds several cameras and none is named, or its model
         has no exact counterpart here.
     """
-    data = read_bytes(path)
-    if len(data) > _LIMIT_BYTES:
-        raise InputError(f"{path} is larger than any camera file (1 MiB)")
+    data = read_bytes(path, _LIMIT_BYTES)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:

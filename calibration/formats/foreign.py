@@ -1,5 +1,6 @@
 """What formats share: a camera without our own extras, and numbers taken from a parsed file."""
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -71,7 +72,7 @@ def numbers(values: Any, count: int, what: str) -> tuple[float, ...]:
     good = isinstance(values, Sequence) and not isinstance(values, str) and len(values) == count
     if not good or not all(isinstance(each, int | float) for each in values):
         raise InputError(f"{what}: wanted {count} numbers, got {str(values)[:80]}")
-    if not np.all(np.isfinite(values)):
+    if not all(abs(each) <= sys.float_info.max for each in values):  # whole ones have no bound
         raise InputError(f"{what}: wanted finite numbers, got {str(values)[:80]}")
     return tuple(float(each) for each in values)
 

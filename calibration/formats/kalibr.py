@@ -68,7 +68,8 @@ def _model(values: dict[str, Any], name: str) -> CameraModel:
     kind, distortion = values.get("camera_model"), values.get("distortion_model")
     given = values.get("intrinsics")
     coefficients = values.get("distortion_coeffs") or []
-    undistorted = distortion in _UNDISTORTED or not any(coefficients)
+    is_zero = isinstance(coefficients, list) and not any(coefficients)
+    undistorted = distortion in _UNDISTORTED or is_zero
     if kind == "pinhole" and distortion in ("equidistant", "equi"):
         fx, fy, cx, cy = numbers(given, 4, f"{name}: intrinsics")
         return kannala_brandt((fx, fy), (cx, cy), numbers(coefficients, 4, "distortion_coeffs"))

@@ -54,9 +54,9 @@ def read(text: str, camera: str) -> ForeignCamera:
             "LENSMODEL_SPLINED_STEREOGRAPHIC of order 3, which mrcal-convert-lensmodel makes of it"
         )
     columns, rows, fov_x_deg = map(int, splined.groups()) if splined else (0, 0, 0)
-    intrinsics = list(content.get("intrinsics", ()))
-    fx, fy, cx, cy, *corrections = numbers(intrinsics, 4 + 2 * rows * columns, "intrinsics")
-    size_px = picture_size(*numbers(list(content.get("imagersize", ())), 2, "imagersize"))
+    intrinsics = numbers(content.get("intrinsics"), 4 + 2 * rows * columns, "intrinsics")
+    fx, fy, cx, cy, *corrections = intrinsics
+    size_px = picture_size(*numbers(content.get("imagersize"), 2, "imagersize"))
     if splined is None:
         return ForeignCamera(_MODELS[name]((cx, cy), focal_of(fx, fy)), size_px)
     surface = np.reshape(corrections, (rows, columns, 2))

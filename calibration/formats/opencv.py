@@ -117,7 +117,7 @@ def _plain(value: Any) -> Any:
     """Return the numbers of a matrix, however nested."""
     if isinstance(value, dict) and "data" in value:
         return value["data"]
-    if isinstance(value, list) and value and isinstance(value[0], list):
+    if isinstance(value, list) and all(isinstance(row, list) for row in value):
         return [number for row in value for number in row]
     return value
 

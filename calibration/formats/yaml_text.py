@@ -2,7 +2,7 @@
 
 Domain : nested mappings and lists, indented or in brackets, and plain or quoted scalars, as Kalibr
 and OpenCV write them. Tags (!!opencv-matrix) are passed over.
-Output : dict, list, float, int, bool, str or None.
+Output : dict, list, float, bool, str or None.
 Fails  : anchors, aliases, several documents and text blocks are refused: no calibration has them,
 and without them a small file cannot unfold into a large one.
 """
@@ -21,7 +21,7 @@ _TOKEN = re.compile(r"""\s*(?P<token>[\[\]{},:]|"[^"]*"|'[^']*'|[^\s\[\]{},:"'][
 
 _TAG = re.compile(r"!\S*\s*")
 
-_NUMBER = re.compile(r"[-+]?(\d[\d_]*\.?\d*|\.\d+)([eE][-+]?\d+)?")
+_NUMBER = re.compile(r"[-+]?(\d++\.?\d*+|\.\d+)([eE][-+]?\d+)?")
 
 _WORDS: dict[str, Any] = {
     "": None, "~": None, "null": None, "true": True, "false": False,
@@ -60,7 +60,7 @@ def _lines(text: str) -> deque[_Line]:
     indent, open_brackets = 0, 0
     for raw in text.splitlines():
         line = re.sub(r"(^|\s)#.*$", "", raw).rstrip()
-        stripped = line.strip()
+        stripped = " ".join(line.split())  # or patterns would look at the same spaces over and over
         if not stripped or stripped in ("---", "...") or line.startswith("%"):
             continue
         if not joined:
@@ -167,5 +167,5 @@ def _scalar(text: str) -> Any:
     if text.lower() in _WORDS:
         return _WORDS[text.lower()]
     if _NUMBER.fullmatch(text):
-        return float(text) if re.search(r"[.eE]", text) else int(text)
+        return float(text)
     return text

@@ -180,6 +180,9 @@ def from_ocamcalib(
         )
     # The toolbox's frame is (row, column, backward): its z and so every term has the other sign.
     focal_px = -polynomial[0]
-    terms = [-a * focal_px ** (order - 1) for order, a in enumerate(polynomial)]
+    try:
+        terms = [-a * focal_px ** (order - 1) for order, a in enumerate(polynomial)]
+    except OverflowError:
+        raise InputError(f"the polynomial of OCamCalib is too large, got {polynomial}") from None
     row, column = centre_row_column
     return OCam((column, row), focal_px, tuple(terms[2:]), c, d, e)

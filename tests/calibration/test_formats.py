@@ -3,6 +3,7 @@
 import ast
 from contextlib import suppress
 from pathlib import Path
+from time import process_time
 from typing import Any, get_args
 
 import cv2
@@ -316,6 +317,17 @@ _KALIBR = "intrinsics: [300, 300, 320, 240]\nresolution: [640, 480]\n"
         ('{"fl_x": 1}', "wanted a key fl_y"),
         ("#polynomial\n5 -1 0 1 1 1\n3 1 2 3\n4 5\n1 0 0\n", "wanted five lines of numbers"),
         ("#polynomial\n5 -1 0 1\n3 1 2 3\n4 5\n1 0 0\n4 5\n", "the polynomial has 3 numbers"),
+        ("#polynomial\n4 -1e300 0 1 1\n3 1 2 3\n4 5\n1 0 0\n4 5\n", "polynomial of OCamCalib"),
+        (_MATRIX + "model: fisheye\nD: [[1], 2, 3, 4]\n", "wanted 4 numbers"),
+        (
+            f"camera_model: ds\ndistortion_model: x\n{_KALIBR}distortion_coeffs: 5\n",
+            "no exact counterpart",
+        ),
+        (_MATRIX.replace("320", "3" * 5000), "finite numbers"),
+        (_MATRIX.replace("320", "320_"), "wanted 9 numbers"),
+        ("{'lensmodel': 'LENSMODEL_LONLAT', 'intrinsics': 5}", "wanted 4 numbers, got 5"),
+        (f"{{'lensmodel': 'LENSMODEL_LONLAT', 'intrinsics': [1{'0' * 400}, 1, 1, 1]}}", "finite"),
+        ("1" + " " * 2**20, "more than the 1048576"),
     ],
 )
 def test_what_cannot_be_read_is_refused_with_the_reason(
@@ -397,6 +409,14 @@ def test_other_yaml_is_refused(text: str) -> None:
 def test_any_text_is_yaml_or_refused(text: str) -> None:
     with suppress(InputError):  # anything else is raised, and fails the test
         parse_yaml(text)
+
+
+@pytest.mark.parametrize("line", ["a" + 300_000 * " " + "b", "a: " + 300_000 * "1" + "x"])
+def test_a_long_line_takes_no_longer_than_its_length(line: str) -> None:
+    begun_s = process_time()
+    with suppress(InputError):
+        parse_yaml(line)
+    assert process_time() - begun_s < 2.0  # by its square it took 100 s and more
 
 
 @pytest.mark.data
