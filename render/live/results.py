@@ -72,6 +72,7 @@ class Results:
         self._thread = ThreadPoolExecutor(1, "fishlight-results")
         self._waiting: deque[Future[None]] = deque()
         self._recording: _Recording | None = None
+        self._taken: Bracket | None = None
         self._written = self._left_out = 0
 
     def __enter__(self) -> Self:
@@ -87,11 +88,15 @@ class Results:
         self._thread.shutdown()
 
     def look_at(self, bracket: Bracket, seen: Seen) -> None:
-        """Do what was asked for, with this bracket; it must not change any more."""
+        """Do what was asked for, with this bracket; it must not change any more.
+
+        One that is shown again, since settings changed (sources.py), is recorded once.
+        """
         for request in self._desk.requests():
             self._thread.submit(self._answer, request, partial(self._done, request, seen))
-        if self._recording is None:
+        if self._recording is None or bracket is self._taken:
             return
+        self._taken = bracket
         while self._waiting and self._waiting[0].done():
             self._waiting.popleft()
         if len(self._waiting) < _WAITING:

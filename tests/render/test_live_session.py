@@ -283,6 +283,19 @@ def test_a_result_that_cannot_be_written_is_told_and_the_session_goes_on(recordi
     assert said == [desk.notice.text]
 
 
+def test_a_bracket_that_is_shown_again_is_recorded_once(recording, tmp_path):
+    # As a played recording gives one when settings change before the next is due.
+    desk, seen = Desk(Settings(count=5), MODELS), run(recording, 1).moments[0].seen
+    first, second = recording.read_bracket(0), recording.read_bracket(1)
+    desk.ask("record")
+    with results_of(desk, tmp_path / "out", recording, lambda _text: None) as results:
+        for bracket in (first, first, second, second):
+            results.look_at(bracket, seen)
+            results._thread.submit(lambda: None).result()
+    recorded = open_recording(tmp_path / "out/recording-0001")
+    assert [len(each.frames) for each in recorded] == [2, 2]
+
+
 @pytest.mark.parametrize("limit", [2000, 9750])
 def test_a_full_disk_ends_a_recording_and_not_the_session(recording, tmp_path, limit):
     # A limit on the size of a file fails as a full disk does. A frame has 9.4 kB: under the smaller
