@@ -126,10 +126,10 @@ class Blend:
         run = partial(run_live, part.source.request, part.desk, None, part.stop, say=self._say)
         try:
             return run(is_patient=is_patient)
-        except Missing:
+        except Missing as missing:
             if part.desk.last_seen()[0] is None:
                 raise
-            return run(is_patient=True)
+            return missing.counters + run(is_patient=True)
         finally:
             self._news.set()
 

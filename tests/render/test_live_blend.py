@@ -7,16 +7,18 @@ import msgspec
 import numpy as np
 import pytest
 
+from capture.errors import CameraLost
 from capture.v4l2.camera import CameraRequest
 from lighting.stream import blending
 from render.live import running
 from render.live.blend import Blend
 from render.live.blend_parts import PlacedSource
-from render.live.desk import Desk
+from render.live.desk import Desk, State
 from render.live.models import load_models
 from render.live.running import LiveRequest, Missing, Stop
 from render.live.settings import Settings
 from render.live.stream import stream_message
+from render.session import Counters
 from tests.render.live_recording import make_recording
 from tests.render.test_live_session import Drawer
 
@@ -192,6 +194,20 @@ def test_settings_reach_every_source_and_what_is_asked_for_is_saved(tmp_path):
     for number in (0, 1):
         assert (tmp_path / f"out/source-{number}/recording-0001/manifest.json").exists()
     assert not watched.desk.is_recording
+
+
+def test_what_a_source_counted_before_it_was_lost_is_not_forgotten(tmp_path, monkeypatch):
+    sources = [PlacedSource(request(tmp_path / name, tmp_path), LEFT) for name in "ab"]
+    blend = Blend(sources, Desk(Settings(), MODELS), None, tmp_path, lambda _text: None)
+
+    def run_live(_request, desk, *_, is_patient, **__):
+        if is_patient:
+            return Counters(captured=5, rendered=5)
+        desk.publish(State("running"), "something", 0.0, {})
+        raise Missing("no-camera", CameraLost("unplugged"), Counters(captured=3, rendered=3))
+
+    monkeypatch.setattr("render.live.blend.run_live", run_live)
+    assert blend._run_part(blend._parts[0], False) == Counters(captured=8, rendered=8)
 
 
 def test_what_is_missing_from_the_start_is_refused_without_a_watcher(tmp_path):
