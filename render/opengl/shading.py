@@ -93,6 +93,7 @@ class LightPass:
             self._see_program,
             texel_m=texel_width(atlas.radius_m, atlas.tile_px),
             tile_px=float(atlas.tile_px),
+            error_m=atlas.error_m,
         )
         count = len(directions)
         packed = pack_lights(

@@ -97,6 +97,7 @@ class ShadowAtlas:
         self.centre = casters.centre
         # Without casters any positive size will do.
         self.radius_m = casters.radius_m or 1.0
+        self.error_m = casters.error_m
         self._context = context
         self._program = load_program(context, "depth.vert", "depth.frag")
         self._positions = context.buffer(casters.positions.tobytes() or bytes(4))

@@ -27,6 +27,8 @@ class Casters:
         Triangles of all other meshes, which cast from both sides.
     centre, radius_m : (3,) float64, float
         A sphere around them, about the middle of their bounding box; (0, 0) if there are none.
+    error_m : float
+        How far they may be off what they stand for.
     """
 
     positions: NDArray[np.float32]
@@ -34,6 +36,7 @@ class Casters:
     open_faces: NDArray[np.int32]
     centre: NDArray[np.float64]
     radius_m: float
+    error_m: float = 0.0
 
 
 def gather_casters(meshes: Sequence[Mesh]) -> Casters:

@@ -9,6 +9,7 @@
 
 uniform float texel_m;         // width of a shadow map's texel in the world
 uniform float tile_px;         // texels along the side of a tile
+uniform float error_m;         // how far casters may be off the surfaces that they stand for
 uniform sampler2D atlas;       // not filtered
 uniform sampler2D position_hit;
 uniform sampler2D face_normal_f90;
@@ -84,7 +85,7 @@ float visibility(Light light, vec3 position, vec3 face_normal, float dither) {
     // Behind the face: shade.frag leaves it out. Neighbours that face it must not take it for shadow.
     if (cosine <= -light.disc.x) return 1.0;
     float sine = max(sqrt(max(1.0 - cosine * cosine, 0.0)), SMALLEST_SINE);
-    vec4 point = vec4(position + OFFSET_TEXELS * texel_m * sine * face_normal, 1.0);
+    vec4 point = vec4(position + (OFFSET_TEXELS * texel_m * sine + error_m) * face_normal, 1.0);
     mat4x3 to_tile = transpose(mat3x4(light.row_u, light.row_v, light.row_depth));
     vec3 at = to_tile * point;
     vec3 normal = normalize(to_tile * vec4(face_normal, 0.0));
