@@ -14,10 +14,13 @@ HEARTBEAT_S = 20.0
 
 
 class Allowance:
-    """Messages a client may send: a burst, and so many a second after it."""
+    """Messages a client may send: a burst, and so many a second after it.
+
+    A page tells of each picture that it was shown, up to 120 a second, and of 30 changes.
+    """
 
     def __init__(
-        self, rate_hz: float = 60.0, burst: int = 120, now_s: Callable[[], float] = time.monotonic
+        self, rate_hz: float = 200.0, burst: int = 200, now_s: Callable[[], float] = time.monotonic
     ) -> None:
         self._rate_hz = rate_hz
         self._burst = burst

@@ -277,6 +277,14 @@ def test_too_many_messages_close_the_connection():
         assert site.talk(flood, **site.bearer) == 1008
 
 
+def test_a_page_that_shows_all_it_can_and_drags_a_slider_may_go_on():
+    now_s = 0.0
+    allowance = Allowance(now_s=lambda: now_s)
+    for number in range(20 * (120 + 30)):
+        now_s = number / (120 + 30)
+        assert allowance.take()
+
+
 def test_an_allowance_fills_again_with_time():
     now_s = 0.0
     allowance = Allowance(rate_hz=10.0, burst=3, now_s=lambda: now_s)
