@@ -17,9 +17,11 @@ from render.scenes.scene import Camera, Material, Mesh, Scene
 OWN = "own"
 OBJECTS = "objects"
 
+_MATT_WHITE = Material((0.8, 0.8, 0.8), roughness=1.0, specular=0.0)
+
 MATERIALS: dict[str, Material | None] = {
     OWN: None,
-    "matt white": Material((0.8, 0.8, 0.8), roughness=1.0, specular=0.0),
+    "matt white": _MATT_WHITE,
     "grey card": Material((0.18, 0.18, 0.18), roughness=1.0, specular=0.0),
     "clay": Material((0.55, 0.22, 0.12), roughness=0.5),
     "brushed metal": Material((0.95, 0.93, 0.88), roughness=0.35, metalness=1.0),
@@ -27,19 +29,22 @@ MATERIALS: dict[str, Material | None] = {
 }
 """None keeps what each mesh was made with."""
 
-_PLAIN = Material((0.8, 0.8, 0.8), roughness=1.0, specular=0.0)
 _SHAPES: dict[str, Callable[[], tuple[Mesh, ...]]] = {
     OBJECTS: lambda: default_scene()[0].meshes,
-    "sphere": lambda: (sphere((0.0, 0.5, 0.0), 0.5, _PLAIN),),
-    "ring": lambda: (torus((0.0, 0.75, 0.0), 0.6, 0.15, _PLAIN),),
+    "sphere": lambda: (sphere((0.0, 0.5, 0.0), 0.5, _MATT_WHITE),),
+    "ring": lambda: (torus((0.0, 0.75, 0.0), 0.6, 0.15, _MATT_WHITE),),
 }
 
 
 @dataclass(frozen=True)
 class Models:
-    """The models of a session by name, in the order in which they are offered."""
+    """The models of a session by name, in the order in which they are offered.
+
+    `notes` tells what their files hold that is not shown.
+    """
 
     meshes: dict[str, tuple[Mesh, ...]]
+    notes: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -80,8 +85,11 @@ def load_models(paths: Sequence[Path]) -> Models:
         If a file cannot be read, or two have the same name.
     """
     meshes: dict[str, tuple[Mesh, ...]] = {}
+    notes: list[str] = []
     for path in paths:
         if path.stem in meshes or path.stem in _SHAPES:
             raise InputError(f"{path}: another model is called {path.stem}; rename the file")
-        meshes[path.stem] = load_meshes(path).meshes
-    return Models(meshes | {name: make() for name, make in _SHAPES.items()})
+        model = load_meshes(path)
+        meshes[path.stem] = model.meshes
+        notes += model.notes
+    return Models(meshes | {name: make() for name, make in _SHAPES.items()}, tuple(notes))
