@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image
 
 from capture.errors import InputError
+from render.live.models import load_models
 from render.scenes.mesh import load_meshes, smooth_normals
 
 DATA = Path(__file__).resolve().parents[2].parent / "shared/data"
@@ -112,10 +113,9 @@ def test_gltf_normals_stay_upright_under_uneven_scaling(tmp_path):
 def test_what_is_ignored_is_said(tmp_path):
     picture = Image.fromarray(np.zeros((2, 2, 3), np.uint8))
     path, _ = gltf_box(tmp_path / "b.glb", normalTexture=picture, alphaMode="BLEND")
-    assert load_meshes(path).notes == (
-        "b.glb: normal maps are ignored",
-        "b.glb: transparency is ignored",
-    )
+    notes = ("b.glb: normal maps are ignored", "b.glb: transparency is ignored")
+    assert load_meshes(path).notes == notes
+    assert load_models([path]).notes == notes
 
 
 def test_extensions_that_are_ignored_are_said(tmp_path):
