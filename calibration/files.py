@@ -12,7 +12,7 @@ Output : Calibration, or InputError in one line that names the file and the key.
 from collections.abc import Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -20,8 +20,10 @@ import numpy as np
 from calibration.camera import LEVEL, Calibration, ImageCircle
 from calibration.models import MODELS
 from calibration.models.equirectangular import Equirectangular, full_sphere
+from calibration.models.parameters import LARGEST, check_parameters
 from capture.errors import InputError
 from capture.files import read_bytes
+from capture.manifest import Pixels
 from capture.output import write_text
 
 _MAX_BYTES = 2**24
@@ -30,26 +32,27 @@ _MAX_BYTES = 2**24
 _RECORDS = ("lens_fit", "vignetting_fit", "ball_fit")
 """Keys that tell what a calibration was made from."""
 
-_Row = tuple[float, float, float]
+_Number = Annotated[float, msgspec.Meta(ge=-LARGEST, le=LARGEST)]
+_Row = tuple[_Number, _Number, _Number]
 _Record = TypeVar("_Record")
 
 
 class _Circle(msgspec.Struct, forbid_unknown_fields=True):
-    centre_px: tuple[float, float]
-    radius_px: float
+    centre_px: tuple[_Number, _Number]
+    radius_px: _Number
 
 
 class _Camera(msgspec.Struct):
     """The keys of a calibration file that do not belong to the model."""
 
-    image_size_px: tuple[int, int]
-    valid_angle_rad: float
+    image_size_px: tuple[Pixels, Pixels]
+    valid_angle_rad: _Number
     R_world_camera: tuple[_Row, _Row, _Row] | None = None
     image_circle: _Circle | None = None
-    vignetting: tuple[float, ...] = ()
-    uneven_vignetting: tuple[float, ...] = ()
-    reflectance: tuple[float, ...] = ()
-    inner_angle_rad: float = 0.0
+    vignetting: tuple[_Number, ...] = ()
+    uneven_vignetting: tuple[_Number, ...] = ()
+    reflectance: tuple[_Number, ...] = ()
+    inner_angle_rad: _Number = 0.0
     lens_fit: dict[str, Any] | None = None
     vignetting_fit: dict[str, Any] | None = None
     ball_fit: dict[str, Any] | None = None
@@ -90,6 +93,7 @@ def read_calibration(path: Path) -> Calibration:
     rotation = LEVEL if camera.R_world_camera is None else np.array(camera.R_world_camera)
     circle = camera.image_circle
     try:
+        check_parameters(model)
         return Calibration(
             model=model,
             image_size_px=camera.image_size_px,
@@ -177,7 +181,7 @@ def read_object(path: Path) -> dict[str, Any]:
 def _convert(path: Path, values: dict[str, Any], wanted: type[Any]) -> Any:
     try:
         return msgspec.convert(values, wanted)
-    except msgspec.ValidationError as error:
+    except (msgspec.ValidationError, OverflowError) as error:
         raise InputError(f"{path}: {error}") from None
 
 

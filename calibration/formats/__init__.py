@@ -10,6 +10,7 @@ from calibration.formats.foreign import ForeignCamera
 from calibration.formats.splined_stereographic import SplinedStereographic
 from calibration.models.kannala_brandt import KannalaBrandt
 from calibration.models.ocam import OCam
+from calibration.models.parameters import check_parameters
 from capture.errors import InputError
 from capture.files import read_bytes
 
@@ -58,7 +59,9 @@ def read_camera(path: Path, camera: str = "") -> tuple[str, ForeignCamera]:
     for name, known in FORMATS.items():
         if known.recognises(text):
             try:
-                return name, known.read(text, camera)
+                found = known.read(text, camera)
+                check_parameters(found.model)
             except InputError as error:
                 raise InputError(f"{path} ({name}): {error}") from None
+            return name, found
     raise InputError(f"{path}: wanted a camera file of {', '.join(FORMATS)}; it is none of these")

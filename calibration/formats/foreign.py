@@ -1,6 +1,5 @@
 """What formats share: a camera without our own extras, and numbers taken from a parsed file."""
 
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +9,7 @@ import numpy as np
 from calibration.camera import Calibration, CameraModel
 from calibration.models.equidistant import Equidistant
 from calibration.models.kannala_brandt import KannalaBrandt
+from calibration.models.parameters import LARGEST
 from capture.errors import InputError
 
 
@@ -62,18 +62,18 @@ def _farthest_angle(camera: ForeignCamera) -> float:
 
 
 def numbers(values: Any, count: int, what: str) -> tuple[float, ...]:
-    """Return `count` finite floats of a list.
+    """Return `count` floats of a list.
 
     Raises
     ------
     InputError
-        If `values` is another thing, or of another length.
+        If `values` is another thing, of another length, or beyond what any camera has.
     """
     good = isinstance(values, Sequence) and not isinstance(values, str) and len(values) == count
     if not good or not all(isinstance(each, int | float) for each in values):
         raise InputError(f"{what}: wanted {count} numbers, got {str(values)[:80]}")
-    if not all(abs(each) <= sys.float_info.max for each in values):  # whole ones have no bound
-        raise InputError(f"{what}: wanted finite numbers, got {str(values)[:80]}")
+    if not all(abs(each) <= LARGEST for each in values):
+        raise InputError(f"{what}: wanted numbers up to {LARGEST:g}, got {str(values)[:80]}")
     return tuple(float(each) for each in values)
 
 

@@ -11,14 +11,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
+from capture.errors import InputError
 
 Model = TypeVar("Model", bound=CameraModel)
+
+LARGEST = 1e12
+"""No camera has a number beyond it, and powers of such ones overflow."""
 
 
 def parameters(model: CameraModel) -> NDArray[np.float64]:
     """Return the model's parameters (P,)."""
     values = [np.ravel(getattr(model, field.name)) for field in fields(model)]
     return np.concatenate(values).astype(np.float64)
+
+
+def check_parameters(model: CameraModel) -> None:
+    """Raise InputError if a parameter is beyond what any camera has."""
+    if not np.all(np.abs(parameters(model)) <= LARGEST):
+        raise InputError(f"a number of the lens is beyond {LARGEST:g}, as of no camera")
 
 
 def with_parameters(model: Model, values: NDArray[np.floating]) -> Model:

@@ -4,6 +4,7 @@ import json
 import os
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -118,6 +119,8 @@ WITHOUT = object()
         ("image_circle", {"centre_px": [1, 2]}, r"radius_px.*image_circle"),
         ("image_circle", {"centre_px": [1, 2], "radius_px": 3, "r": 1}, r"`r`.*image_circle"),
         ("vignetting", [-2.0], "vignetting"),
+        ("vignetting", [1e308, 1e308], "vignetting"),
+        ("focal_px", 1e13, "beyond 1e\\+12"),
     ],
 )
 def test_a_wrong_key_is_named_in_one_line(tmp_path: Path, key, value, told) -> None:
@@ -129,6 +132,28 @@ def test_a_wrong_key_is_named_in_one_line(tmp_path: Path, key, value, told) -> N
         read_calibration(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "lens",
+    [
+        {"model": "kannala_brandt", "focal_px": 100, "k4": 1e308},
+        {"model": "ocam", "focal_px": 100, "coefficients": [1e308, 1e308]},
+        {"model": "unified", "focal_px": 100, "xi": 1e200},
+        {"model": "mirror_ball", "radius_px": 100, "distance_ratio": 1e200},
+        {
+            "model": "mirror_ball_off_axis",
+            "principal_px": [1, 2],
+            "focal_px": 100,
+            "distance_ratio": 1e200,
+        },
+    ],
+    ids=lambda lens: lens["model"],
+)
+def test_numbers_whose_powers_overflow_are_refused(tmp_path: Path, lens: dict[str, Any]) -> None:
+    shared = {"image_size_px": [40, 30], "centre_px": [20, 15], "valid_angle_rad": 1.0}
+    with pytest.raises(InputError, match=r"cal\.json"):
+        read_calibration(written(tmp_path, {**shared, **lens}))
 
 
 @pytest.mark.parametrize(

@@ -318,15 +318,19 @@ _KALIBR = "intrinsics: [300, 300, 320, 240]\nresolution: [640, 480]\n"
         ("#polynomial\n5 -1 0 1 1 1\n3 1 2 3\n4 5\n1 0 0\n", "wanted five lines of numbers"),
         ("#polynomial\n5 -1 0 1\n3 1 2 3\n4 5\n1 0 0\n4 5\n", "the polynomial has 3 numbers"),
         ("#polynomial\n4 -1e300 0 1 1\n3 1 2 3\n4 5\n1 0 0\n4 5\n", "polynomial of OCamCalib"),
+        ("1 OPENCV_FISHEYE 640 480 1 2 3 4 5 6 7 1e308", "beyond 1e+12"),
         (_MATRIX + "model: fisheye\nD: [[1], 2, 3, 4]\n", "wanted 4 numbers"),
         (
             f"camera_model: ds\ndistortion_model: x\n{_KALIBR}distortion_coeffs: 5\n",
             "no exact counterpart",
         ),
-        (_MATRIX.replace("320", "3" * 5000), "finite numbers"),
+        (_MATRIX.replace("320", "3" * 5000), "numbers up to 1e+12"),
         (_MATRIX.replace("320", "320_"), "wanted 9 numbers"),
         ("{'lensmodel': 'LENSMODEL_LONLAT', 'intrinsics': 5}", "wanted 4 numbers, got 5"),
-        (f"{{'lensmodel': 'LENSMODEL_LONLAT', 'intrinsics': [1{'0' * 400}, 1, 1, 1]}}", "finite"),
+        (
+            f"{{'lensmodel': 'LENSMODEL_LONLAT', 'intrinsics': [1{'0' * 400}, 1, 1, 1]}}",
+            "up to 1e+12",
+        ),
         ("1" + " " * 2**20, "more than the 1048576"),
     ],
 )
