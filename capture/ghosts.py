@@ -165,13 +165,14 @@ def _usual(level: Plane, excess_ev: Plane, both: Mask, sensor: Sensor) -> tuple[
     sample = known[:: -(-len(known) // _SAMPLE_PX)]
     x, y = level.ravel()[sample].astype(np.float64), excess_ev.ravel()[sample].astype(np.float64)
     middle = float(np.median(x))
-    degree = 0 if sensor.response is None else 2
+    powers = np.vander(x - middle, 1 if sensor.response is None else 3)
     fit = np.array([float(np.median(y))])
     for _ in range(_FITS):
         off = np.abs(y - np.polyval(fit, x - middle))
         reach_ev = 6 * float(np.median(off)) + 0.02
         weight = np.maximum(1 - (off / reach_ev) ** 2, 0)
-        fit = np.polyfit(x - middle, y, degree, w=weight)
+        # Not polyfit, which fails where all is of one brightness.
+        fit = np.linalg.lstsq(powers * weight[:, None], y * weight, rcond=None)[0]
     inside = np.clip(level, x.min(), x.max()) - np.float32(middle)
     spread_ev = 1.4826 * float(np.median(np.abs(y - np.polyval(fit, x - middle))))
     return np.polyval(fit, inside).astype(np.float32), spread_ev

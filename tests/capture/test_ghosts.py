@@ -109,6 +109,13 @@ def test_frames_half_a_pixel_askew_have_none(sensor):
     assert not find_ghosts(taken([radiance, askew, radiance], sensor), sensor).any()
 
 
+@pytest.mark.parametrize("levels", [(60,), (60, 90)], ids=["one level", "two levels"])
+def test_pictures_of_few_levels_have_none(levels):
+    counts = np.repeat(np.array(levels, np.uint8), 20 * 40 * 3).reshape(-1, 40, 3)
+    frames = [Frame(counts + np.uint8(k * 20), Exposure(2.0**k), index=k) for k in range(2)]
+    assert not find_ghosts(Bracket(tuple(frames)), SRGB_8_BIT).any()
+
+
 def test_a_wrong_response_makes_no_ghosts():
     film = true_sensor("film")
     assert not find_ghosts(taken([scene(2.0)] * 3, film), SRGB_8_BIT).any()
