@@ -45,10 +45,13 @@ def draw_occlusion(
 
 
 def check_occlusion_flags(
-    ao: bool, cone_deg: float | None, max_distance_m: float | None, *, has_light: bool
+    ao: bool, cone_deg: float | None, max_distance_m: float | None, *, has_others: bool
 ) -> None:
-    """Raise InputError for what only `--ao` takes, without it, and for light with it."""
+    """Raise InputError for what only `--ao` takes, without it, and for flags of light with it."""
     if not ao and (cone_deg is not None or max_distance_m is not None):
         raise InputError("--cone-deg and --max-distance-m are for --ao")
-    if ao and has_light:
-        raise InputError("--ao is drawn without light: leave out --lights, --map and --reference")
+    if ao and has_others:
+        raise InputError(
+            "--ao is drawn without light: leave out --lights, --map, --background, --exposure-ev, "
+            "--reference, and what goes with that"
+        )

@@ -41,14 +41,16 @@ _BACKGROUND_SAMPLES = 2  # per axis of a pixel
 def read_light(
     lights: Path | None, environment: Path | None
 ) -> tuple[LightSet | EnvironmentMap, str]:
-    """Return the light of the one file that is given, and what it is."""
+    """Return the light of the one file that is given, and what it is; say what was amiss in it."""
     if (lights is None) == (environment is None):
         raise InputError("--reference needs the light: give either --lights or --map")
     if lights is not None:
         light_set = read_lights(lights)
         return light_set, f"lights {len(light_set)}"
     assert environment is not None
-    read, _ = read_environment(environment)
+    read, cleaned = read_environment(environment)
+    for remark in cleaned.remarks:
+        print(f"  {environment}: {remark}")
     return read, f"map {2 * read.height}×{read.height}"
 
 
@@ -94,7 +96,10 @@ def trace_picture(
             if time.monotonic() > kept_s + KEPT_EVERY_S:
                 write_checkpoint(place, now, digest)
                 kept_s = time.monotonic()
-            done = max((error / now.relative_error) ** 2, now.elapsed_s / limit_s)
+            if now.relative_error > error:
+                done = max((error / now.relative_error) ** 2, now.elapsed_s / limit_s)
+            else:
+                done = 1.0
             bar.update(shown, completed=done, description=_how_far(now))
 
         render = render_reference if estimator is None else partial(estimate_picture, estimator)

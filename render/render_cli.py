@@ -99,8 +99,9 @@ def render(
     fixed_ev = parse_exposure(exposure_ev)
     check_picture_suffix(output)
     check_place(output, force=force)
-    has_light = reference or lights is not None or environment is not None
-    check_occlusion_flags(ao, cone_deg, max_distance_m, has_light=has_light)
+    of_light = (lights, environment, background, fixed_ev, estimator, error, seconds)
+    has_others = reference or any(each is not None for each in of_light)
+    check_occlusion_flags(ao, cone_deg, max_distance_m, has_others=has_others)
     if ao:
         scene, camera = scene_to_render(mesh, size_px)
         about = draw_occlusion(output, scene, camera, cone_deg, max_distance_m, force=force)

@@ -1,5 +1,7 @@
 """The `render` command."""
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ from numpy.testing import assert_array_equal
 
 from capture.arguments import parse_size
 from capture.errors import InputError
-from capture.exr import read_exr
+from capture.exr import read_exr, write_exr
 from capture.pictures import read_picture
 from capture.sensor import srgb_encode
 from lighting.light_files import write_lights
@@ -173,6 +175,26 @@ def test_flags_of_ambient_occlusion_without_it(tmp_path, lights):
         render(output=tmp_path / "p.png", lights=lights, cone_deg=90)
 
 
-def test_light_with_ambient_occlusion(tmp_path, lights):
+@pytest.mark.parametrize(
+    "flags",
+    [
+        {"lights": Path("l.json")},
+        {"background": Path("m.exr")},
+        {"exposure_ev": "2"},
+        {"estimator": "brdf"},
+        {"error": 0.1},
+    ],
+)
+def test_light_with_ambient_occlusion(tmp_path, flags):
     with pytest.raises(InputError, match="drawn without light"):
-        render(output=tmp_path / "p.png", lights=lights, ao=True)
+        render(output=tmp_path / "p.png", ao=True, **flags)
+
+
+def test_a_reference_under_a_map_without_light_is_black_and_tells_what_was_amiss(tmp_path, capsys):
+    radiance = np.zeros((8, 16, 3), np.float32)
+    radiance[3, 4] = -1
+    write_exr(tmp_path / "map.exr", dict(zip("RGB", radiance.transpose(2, 0, 1), strict=True)), {})
+    output = tmp_path / "p.exr"
+    render(reference=True, environment=tmp_path / "map.exr", output=output, size="8x6")
+    assert not read_exr(output).channels["R"].any()
+    assert "map.exr: set to 0 in the file: 3 negative values" in capsys.readouterr().out
