@@ -143,6 +143,26 @@ def test_what_is_smaller_than_the_error_is_not_lost():
     assert signed_volume(proxy.positions, proxy.closed_faces) > 0
 
 
+def test_a_tube_thinner_than_the_error_is_not_pinched():
+    # Three sides: an edge across them that vanished would leave two edges in one place.
+    around = np.arange(48)[:, None] * 3 + np.arange(3)
+    angle = 2 * np.pi * np.arange(48) / 48
+    turn = 2 * np.pi * np.arange(3) / 3
+    radius = 1 + 0.01 * np.cos(turn)
+    x, z = (each[:, None] * radius for each in (np.cos(angle), np.sin(angle)))
+    y = np.tile(0.01 * np.sin(turn), (48, 1))
+    positions = np.stack([x, y, z], axis=-1).reshape(-1, 3).astype(np.float32)
+    a, b = around, np.roll(around, -1, axis=1)
+    c, d = np.roll(b, -1, axis=0), np.roll(a, -1, axis=0)
+    faces = np.concatenate([np.stack(each, -1).reshape(-1, 3) for each in ((a, b, c), (a, c, d))])
+    tube = Mesh(positions, np.ones_like(positions), faces.astype(np.int32), MATT)
+    full = casters_of(tube)
+    assert len(full.closed_faces) == 6 * 48
+    proxy = shadow_proxy(full, 0.05)
+    assert len(proxy.closed_faces) < 0.5 * 6 * 48
+    assert is_closed(proxy.closed_faces, len(proxy.positions))
+
+
 def test_errors_add_up():
     full = casters_of(BALL)
     fine = shadow_proxy(full, 0.005)
