@@ -28,7 +28,11 @@ MANIFEST_NAME = "manifest.json"
 JOURNAL_NAME = "frames.jsonl"
 
 MAX_BYTES = 64 * 2**20
-"""Largest manifest or journal that is read: about 200,000 frames."""
+"""Largest manifest or journal that is read."""
+
+MOST_FRAMES = 2**17
+"""Most frames of a recording, over an hour at 30 a second: of at most 400 bytes each, so that the
+manifest can be read."""
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 Time = Annotated[float, msgspec.Meta(ge=TIME_RANGE_S[0], le=TIME_RANGE_S[1])]

@@ -4,6 +4,7 @@ Input  : frames, as arrays or as files encoded by a camera.    Output : a record
 A writer that is killed leaves a recording with every frame it had finished; of frames written
 together, all or none. One whose block ends with an exception leaves nothing, and an older recording
 in its place as it was.
+Fails  : beyond MOST_FRAMES; what comes then belongs into another recording.
 """
 
 import hashlib
@@ -24,6 +25,7 @@ from capture.files import read_bytes
 from capture.frame import Exposure
 from capture.manifest import (
     JOURNAL_NAME,
+    MOST_FRAMES,
     DeviceRecord,
     FrameRecord,
     Manifest,
@@ -257,6 +259,11 @@ class RecordingWriter:
         self._list(path, sha256, size_px, exposure, timestamp_s, bracket, index, sequence)
 
     def _next_index(self, index: int | None, bracket: int, timestamp_s: float) -> int:
+        if len(self._frames) >= MOST_FRAMES:
+            raise InputError(
+                f"{self._destination} holds {MOST_FRAMES} frames, as many as a recording may; go on "
+                "in another"
+            )
         least, least_bracket = 0, 0
         if self._frames:
             least, least_bracket = self._frames[-1].index + 1, self._frames[-1].bracket

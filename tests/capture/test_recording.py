@@ -18,7 +18,15 @@ from hypothesis import strategies as st
 from capture.camera_files import read_camera_file
 from capture.errors import InputError, UnreadableFrame
 from capture.frame import Bracket, Exposure
-from capture.manifest import JOURNAL_NAME, MANIFEST_NAME, read_manifest, write_manifest
+from capture.manifest import (
+    JOURNAL_NAME,
+    MANIFEST_NAME,
+    MAX_BYTES,
+    MOST_FRAMES,
+    FrameRecord,
+    read_manifest,
+    write_manifest,
+)
 from capture.radiance_files import HDR_SUFFIXES, write_hdr
 from capture.recording import Recording, contained_file, open_recording
 from capture.recording_writer import create_recording
@@ -51,6 +59,32 @@ def tree(folder: Path) -> dict[str, bytes]:
         for path in folder.rglob("*")
         if path.is_file()
     }
+
+
+def test_a_recording_never_grows_beyond_what_is_read(tmp_path, monkeypatch):
+    monkeypatch.setattr("capture.recording_writer.MOST_FRAMES", 2)
+    with create_recording(tmp_path / "r", "", SENSOR) as writer:
+        for bracket in range(2):
+            writer.write_frame(noise(), Exposure(0.01), 0.0, bracket)
+        with pytest.raises(InputError, match="r holds 2 frames"):
+            writer.write_frame(noise(), Exposure(0.01), 0.0, 2)
+    assert len(list(open_recording(tmp_path / "r"))) == 2
+    third = 1 / 3
+    longest = FrameRecord(
+        file=f"frames/{MOST_FRAMES}.jpeg",
+        time_s=third * 1e-8,
+        sha256="0" * 64,
+        size_px=(16384, 16384),
+        index=2 * MOST_FRAMES,
+        bracket=MOST_FRAMES,
+        timestamp_s=1e9 + third,
+        gain=third,
+        f_number=10 * third,
+        sequence=2**32,
+    )
+    manifest = msgspec.structs.replace(read_manifest(tmp_path / "r"), frames=(longest,) * 100)
+    write_manifest(tmp_path / "r", manifest)
+    assert (tmp_path / "r" / MANIFEST_NAME).stat().st_size / 100 * MOST_FRAMES < 0.9 * MAX_BYTES
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
