@@ -261,8 +261,8 @@ class RecordingWriter:
     def _next_index(self, index: int | None, bracket: int, timestamp_s: float) -> int:
         if len(self._frames) >= MOST_FRAMES:
             raise InputError(
-                f"{self._destination} holds {MOST_FRAMES} frames, as many as a recording may; go on "
-                "in another"
+                f"{self._destination} holds {MOST_FRAMES} frames, as many as a recording may; go "
+                "on in another"
             )
         least, least_bracket = 0, 0
         if self._frames:
