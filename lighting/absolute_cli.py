@@ -120,6 +120,11 @@ def scale(
             )
         note = f"; the spot and what is just beside it vary by {unevenness:.1%}"
     elif illuminance_lx is not None:
+        if direction is not None or pixel is not None:
+            raise InputError(
+                "--direction and --pixel say where a spot or a card lies: give --luminance-cd-m2 "
+                "or --grey-card; which way an illuminance meter faced is --facing"
+            )
         normal = _parse_facing(facing)
         with _about(environment):
             factor = scale_from_illuminance(
@@ -216,7 +221,11 @@ def _about(path: Path) -> Iterator[None]:
 
 
 def _read(path: Path) -> EnvironmentMap:
-    return read_environment(path)[0]
+    """Return the map of a file, and say what was amiss in it."""
+    environment, cleaned = read_environment(path)
+    for remark in cleaned.remarks:
+        print(f"{path}: {remark}")
+    return environment
 
 
 def _refuse_without_unit(output: Path) -> None:

@@ -58,8 +58,8 @@ def recover_clipped(
     ------
     InputError
         If the map is relative, nothing is clipped (there), or more than one region and none is
-        named; the region does not shine on the meter; or the map gives as much light as was
-        measured without any added.
+        named; the region does not shine on the meter; the map gives as much light as was
+        measured without any added; or float32 cannot hold what is added.
     """
     if environment.scale != CD_M2:
         raise InputError(
@@ -94,12 +94,13 @@ def recover_clipped(
         shape = disc_shares(height, centre, radius_rad) / solid_angles(height)[:, None]
     # By the cells' own cosines, so that the map gives what was measured exactly.
     added = shape * (missing_lx / float((shape * cosine_weights(height, normal)).sum()))
-    radiance = environment.radiance + added[..., None] * (colour / luminance(colour))
-    return replace(
-        environment,
-        radiance=radiance.astype(np.float32),
-        clipped=environment.clipped & ~region,
-    )
+    with np.errstate(over="ignore"):
+        radiance = (environment.radiance + added[..., None] * (colour / luminance(colour))).astype(
+            np.float32
+        )
+    if not np.isfinite(radiance).all():
+        raise InputError(f"{illuminance_lx:g} lx are beyond what the map's radiance can hold")
+    return replace(environment, radiance=radiance, clipped=environment.clipped & ~region)
 
 
 def _clipped_region(environment: EnvironmentMap, towards: ArrayLike | None) -> NDArray[np.bool_]:

@@ -14,6 +14,7 @@ from calibration.files import write_calibration
 from calibration.models.equidistant import Equidistant
 from capture.errors import InputError
 from capture.radiance import CD_M2
+from capture.radiance_files import write_hdr
 from lighting.absolute_cli import illuminance, recover, scale
 from lighting.maps.environment import EnvironmentMap, luminance
 from lighting.maps.environment_files import read_environment, write_environment
@@ -252,6 +253,8 @@ def test_recoveries_that_make_no_sense_are_refused() -> None:
         recover_clipped(replace(world, scale="relative"), UPWARD, 1e4)
     with pytest.raises(InputError, match="between 0° and 90°"):
         recover_clipped(world, UPWARD, 1e4, 2.0)
+    with pytest.raises(InputError, match=r"1e\+41 lx are beyond"):
+        recover_clipped(world, UPWARD, 1e41)
 
 
 def test_from_files_to_a_recovered_sun(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -291,6 +294,7 @@ def test_from_files_to_a_recovered_sun(tmp_path: Path, capsys: pytest.CaptureFix
         ({"luminance_cd_m2": 1.0, "direction": "1,2"}, "wanted 3 numbers"),
         ({"grey_card": 0.18}, "needs --illuminance-lx"),
         ({"illuminance_lx": 1.0, "facing": "north"}, r"--facing: wanted up, down, \+X"),
+        ({"illuminance_lx": 1.0, "direction": "0,1,0"}, "or --grey-card"),
     ],
 )
 def test_flags_that_contradict_each_other(
@@ -329,6 +333,14 @@ def test_the_commands_take_directions_that_begin_with_a_minus(tmp_path: Path) ->
         with pytest.raises(SystemExit, match="0"):
             main(["scale", str(relative), "-o", str(output), *arguments])
         assert read_environment(output)[0].scale == CD_M2
+
+
+def test_what_is_amiss_in_a_map_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    radiance = np.ones((8, 16, 3), np.float32)
+    radiance[0, 0, 1], radiance[4, 4, 0] = np.nan, -1
+    write_hdr(tmp_path / "map.exr", radiance)
+    illuminance(tmp_path / "map.exr")
+    assert "map.exr: set to 0 in the file: 1 NaN, 1 negative values" in capsys.readouterr().out
 
 
 def test_what_is_refused_of_a_map_names_its_file(tmp_path: Path) -> None:
