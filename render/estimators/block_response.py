@@ -25,7 +25,7 @@ def respond(
     surface: Floats, x: np.float32, y: np.float32, z: np.float32, radius: np.float32, out: Floats
 ) -> None:  # pragma: no cover - compiled
     """Set `out` (16,) for a block around (x, y, z), for each surface of a packet; 0 for no hit."""
-    at = surface.reshape(-1)  # rows at constant distances: sixteen at once
+    at = surface.flat  # rows at constant distances: sixteen at once
     for i in range(PACKET):
         nx, ny, nz = (
             at[PACKET * NORMAL + i],

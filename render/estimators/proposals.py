@@ -90,7 +90,7 @@ def draw(
     """Set direction `i`; return row and column of its cell of the map, and its density per sr."""
     if by_light:
         row, column, x, y, z = draw_from_map(tables, u, v)
-        density = np.float64(tables.density[row, column])
+        density = float(tables.density[row, column])
     else:
         x, y, z = draw_reflected(surface, i, share, u, v)
         row, column = cell_of(tables, x, y, z)

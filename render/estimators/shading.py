@@ -47,7 +47,7 @@ class Waiting(NamedTuple):
     carried : (3, 16) float32
     column : (17,) int64
         Which surface each begins at; how many there are.
-    state : (16,) int32
+    is_unknown : (16,) int32
         Scratch.
     """
 
@@ -55,7 +55,7 @@ class Waiting(NamedTuple):
     valid: NDArray[np.int32]
     carried: Floats
     column: NDArray[np.int64]
-    state: NDArray[np.int32]
+    is_unknown: NDArray[np.int32]
 
 
 _RED, _GREEN, _BLUE = LUMINANCE_WEIGHTS.astype(np.float32)
@@ -67,7 +67,7 @@ def reflect(shadows: Shadows, surface: Floats, light: Floats) -> None:  # pragma
     """Multiply what directions carry by f n·l, 0 from below a surface, its face or the ground."""
     lowest = np.float32(shadows.lowest)
     # Flat: rows at constant distances, which lets the compiler see that none overlap.
-    at, to = surface.reshape(-1), light.reshape(-1)
+    at, to = surface.flat, light.flat
     for i in range(PACKET):
         x, y, z = (
             to[PACKET * TOWARD + i],
@@ -123,7 +123,7 @@ def waiting() -> Waiting:  # pragma: no cover - compiled
     return Waiting(rays, valid, carried, np.zeros(PACKET + 1, np.int64), np.zeros_like(valid))
 
 
-@njit(nogil=True, fastmath={"contract"}, forceinline=True)
+@njit(nogil=True, forceinline=True)
 def add_visible(
     shadows: Shadows, surface: Floats, light: Floats, held: Waiting, total: Floats
 ) -> int:  # pragma: no cover - compiled
@@ -131,27 +131,12 @@ def add_visible(
 
     Rays that have to be traced wait until there are sixteen: `add_waiting` takes the last.
     """
-    to, sphere, state = light.reshape(-1), shadows.sphere, held.state
-    for i in range(PACKET):
-        red, green, blue = (
-            to[PACKET * CARRIED + i],
-            to[PACKET * (CARRIED + 1) + i],
-            to[PACKET * (CARRIED + 2) + i],
-        )
-        x, y, z = (
-            to[PACKET * TOWARD + i],
-            to[PACKET * (TOWARD + 1) + i],
-            to[PACKET * (TOWARD + 2) + i],
-        )
-        is_unknown = (red + green + blue > _0) & _meets(sphere, surface, i, x, y, z)
-        state[i] = is_unknown
-        total[0, i] += _0 if is_unknown else red
-        total[1, i] += _0 if is_unknown else green
-        total[2, i] += _0 if is_unknown else blue
-    rays, carried, column = held.rays, held.carried, held.column
+    rays, carried, column, is_unknown = held.rays, held.carried, held.column, held.is_unknown
+    _find_unknown(shadows.sphere, surface, light, is_unknown)
+    _add_known(light, is_unknown, total)
     count, traced = column[PACKET], 0
     for i in range(PACKET):
-        if state[i] == 0:
+        if is_unknown[i] == 0:
             continue
         for axis in range(3):
             rays[axis, count] = surface[ORIGIN + axis, i]
@@ -186,7 +171,7 @@ def add_waiting(shadows: Shadows, held: Waiting, total: Floats) -> int:  # pragm
     return int(count)
 
 
-@njit(nogil=True, fastmath={"contract"}, forceinline=True)
+@njit(nogil=True, forceinline=True)
 def add_visible_alike(
     shadows: Shadows, surface: Floats, light: Floats, shadow: tuple[Any, Any], total: Floats
 ) -> int:  # pragma: no cover - compiled
@@ -195,22 +180,24 @@ def add_visible_alike(
     `shadow` is memory of `embree.packet`, whose origins `start_at` has set.
     """
     rays, valid = shadow
+    _find_unknown(shadows.sphere, surface, light, valid)
+    _add_known(light, valid, total)
     needed = np.int32(0)
     for i in range(PACKET):
-        x, y, z = light[TOWARD, i], light[TOWARD + 1, i], light[TOWARD + 2, i]
-        carries = light[CARRIED, i] + light[CARRIED + 1, i] + light[CARRIED + 2, i] > _0
-        valid[i] = -np.int32(carries & _meets(shadows.sphere, rays, i, x, y, z))
-        needed |= valid[i]
-        rays[4, i], rays[5, i], rays[6, i], rays[8, i] = x, y, z, FAR_M
-    traced = 0
-    if needed != 0:
-        coherent16(shadows.function, valid.ctypes.data, shadows.scene, rays.ctypes.data)  # type: ignore[call-arg]
+        needed += valid[i]
+    if needed == 0:
+        return 0
+    for i in range(PACKET):
+        valid[i] = -valid[i]
+        rays[8, i] = FAR_M
+    for axis in range(3):
         for i in range(PACKET):
-            traced -= valid[i]
-    for k in range(3):
-        for i in range(PACKET):
-            total[k, i] += light[CARRIED + k, i] if rays[8, i] > _0 else _0
-    return traced
+            rays[4 + axis, i] = light[TOWARD + axis, i]
+    coherent16(shadows.function, valid.ctypes.data, shadows.scene, rays.ctypes.data)  # type: ignore[call-arg]
+    for i in range(PACKET):
+        valid[i] = np.int32((valid[i] == 0) | (rays[8, i] < _0))
+    _add_known(light, valid, total)
+    return int(needed)
 
 
 @njit(nogil=True, forceinline=True)
@@ -220,14 +207,43 @@ def start_at(surface: Floats, shadow: tuple[Any, Any]) -> None:  # pragma: no co
 
 
 @njit(nogil=True, fastmath={"contract"}, forceinline=True)
-def _meets(
-    sphere: Floats, origins: Floats, i: int, x: np.float32, y: np.float32, z: np.float32
-) -> bool:  # pragma: no cover - compiled
-    """Whether a ray from column `i` of `origins`, whose first rows are places, meets a sphere."""
-    dx, dy, dz = sphere[0] - origins[0, i], sphere[1] - origins[1, i], sphere[2] - origins[2, i]
-    along = dx * x + dy * y + dz * z
-    off2 = dx * dx + dy * dy + dz * dz - along * along
-    return (off2 < sphere[3] * sphere[3]) & (along > -sphere[3])  # no branch: sixteen at once
+def _find_unknown(
+    sphere: Floats, surface: Floats, light: Floats, is_unknown: NDArray[np.int32]
+) -> None:  # pragma: no cover - compiled
+    """Set which directions carry light that something may stand in the way of."""
+    at, to = surface.flat, light.flat  # as in `reflect`
+    centre_x, centre_y, centre_z, radius = sphere[0], sphere[1], sphere[2], sphere[3]
+    for i in range(PACKET):
+        x, y, z = (
+            to[PACKET * TOWARD + i],
+            to[PACKET * (TOWARD + 1) + i],
+            to[PACKET * (TOWARD + 2) + i],
+        )
+        dx, dy, dz = (
+            centre_x - at[PACKET * ORIGIN + i],
+            centre_y - at[PACKET * (ORIGIN + 1) + i],
+            centre_z - at[PACKET * (ORIGIN + 2) + i],
+        )
+        along = dx * x + dy * y + dz * z
+        off2 = dx * dx + dy * dy + dz * dz - along * along
+        carried = (
+            to[PACKET * CARRIED + i]
+            + to[PACKET * (CARRIED + 1) + i]
+            + to[PACKET * (CARRIED + 2) + i]
+        )
+        is_unknown[i] = np.int32((carried > _0) & (off2 < radius * radius) & (along > -radius))
+
+
+@njit(nogil=True, forceinline=True)
+def _add_known(
+    light: Floats, is_unknown: NDArray[np.int32], total: Floats
+) -> None:  # pragma: no cover - compiled
+    """Add what directions carry to `total`, but for those that are marked."""
+    carried, out = light.flat, total.flat
+    for c in range(3):
+        for i in range(PACKET):
+            free = carried[PACKET * (CARRIED + c) + i]
+            out[PACKET * c + i] += _0 if is_unknown[i] != 0 else free
 
 
 @njit(nogil=True, forceinline=True)

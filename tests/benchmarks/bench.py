@@ -37,6 +37,7 @@ STAGES = (
     "viewers",
     "batch",
     "reference",
+    "rays",
 )
 
 
