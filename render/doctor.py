@@ -65,10 +65,11 @@ def _is_installed(distribution: str) -> bool:
 
 
 def _opengl() -> Finding:
+    """OpenGL, without which `render` draws with rays, as all else does anyway."""
     try:
         context = create_context()
     except GlUnavailable as error:
-        return Finding("OpenGL", False, "no context", str(error))
+        return Finding("OpenGL", False, "no context, so no shadow maps", str(error), False)
     try:
         return Finding("OpenGL", True, describe(context))
     finally:
