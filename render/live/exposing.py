@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from render.output.view import MIDDLE_GREY, auto_exposure_ev
+from render.output.view import auto_exposure_ev, exposure_of
 
 _ADAPTS = 0.1
 """Share of the way to the right exposure that each frame goes; a first frame goes all of it."""
@@ -33,11 +33,6 @@ class ViewExposure:
         """
         if asked_ev is not None:
             return asked_ev
-        ev = _log_mean_ev(seen) if picture is None else auto_exposure_ev(picture)
+        ev = exposure_of(seen) if picture is None else auto_exposure_ev(picture)
         self._ev = ev if self._ev is None else self._ev + _ADAPTS * (ev - self._ev)
         return self._ev
-
-
-def _log_mean_ev(luminances: NDArray[np.float32]) -> float:
-    lit = luminances[luminances > 0]
-    return float(np.log2(MIDDLE_GREY) - np.log2(lit).mean()) if len(lit) else 0.0

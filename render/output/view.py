@@ -107,8 +107,10 @@ def auto_exposure_ev(radiance: NDArray[np.floating]) -> float:
         A rendered picture; only pixels that the scene covers wholly count, and of these the lit
         ones. 0 without any.
     """
-    lit = luminance(radiance[..., :3][radiance[..., 3] == 1])
-    lit = lit[lit > 0]
-    if len(lit) == 0:
-        return 0.0
-    return float(np.log2(MIDDLE_GREY) - np.log2(lit).mean())
+    return exposure_of(luminance(radiance[..., :3][radiance[..., 3] == 1]))
+
+
+def exposure_of(luminances: NDArray[np.floating]) -> float:
+    """Return the exposure that puts the log-mean of the lit ones (n,) at middle grey, 0 of none."""
+    lit = luminances[luminances > 0]
+    return float(np.log2(MIDDLE_GREY) - np.log2(lit).mean()) if len(lit) else 0.0
