@@ -94,6 +94,11 @@ def combine_views(
     hidden_rad : float
         Angle from a picture's axis within which it shows the camera or who holds it. It is not
         used there, and fades in up to 1.5 times that angle.
+
+    Raises
+    ------
+    InputError
+        If the pictures are in different units.
     """
     scales = {view.image.scale for view in views}
     if len(scales) > 1:

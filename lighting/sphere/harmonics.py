@@ -137,7 +137,6 @@ def _least(constant, linear, eigenvalues, linear_factor, quadratic_factor):  # t
     b = linear * linear_factor
     above = (eigenvalues - eigenvalues[0]) * quadratic_factor
     low, high = 0.0, np.sqrt((b * b).sum()) / 2
-    d = np.empty(3)
     for _ in range(_BISECTIONS):
         s = (low + high) / 2
         squared = 0.0
