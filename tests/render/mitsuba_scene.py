@@ -1,8 +1,11 @@
 """A scene of ours as one of Mitsuba 3: the peer of the reference renderer.
 
-Its own loader, acceleration structure, camera, sampler and integrator (`direct`, which is one
-bounce of `path`). Only the BRDF is written here, in the textbook form, for Mitsuba's rough
-conductor has another Fresnel term and a masking that is not height-correlated.
+Its own loader, acceleration structure, camera, sampler and integrators. Only the BRDF is written
+here, in the textbook form, for Mitsuba's rough conductor has another Fresnel term and a masking
+that is not height-correlated; its directions are drawn as Mitsuba's own plastics draw theirs, by
+the visible normals of its microfacets or the cosine.
+
+`DRJIT_LIBLLVM_PATH` names the LLVM library that Mitsuba's fastest variant compiles with.
 """
 
 import math
@@ -18,6 +21,12 @@ import numpy as np
 from capture.sensor import srgb_decode
 from lighting.maps.environment import EnvironmentMap
 from render.scenes.scene import Camera, Material, Mesh, Scene
+
+INTEGRATORS = {
+    "direct": {"type": "direct", "hide_emitters": True},
+    "path": {"type": "path", "max_depth": 2, "hide_emitters": True},
+}
+"""Both trace direct light only."""
 
 _FINE_ROWS = 512  # Mitsuba interpolates between texels: so many make a cell nearly constant
 
@@ -41,7 +50,7 @@ def load(scene: Scene, camera: Camera, environment: EnvironmentMap):
     width, height = camera.size_px
     content = {
         "type": "scene",
-        "integrator": {"type": "direct", "hide_emitters": True},
+        "integrator": INTEGRATORS["direct"],
         "sensor": {
             "type": "perspective",
             "fov": math.degrees(camera.vertical_fov_rad),
@@ -77,9 +86,10 @@ def load(scene: Scene, camera: Camera, environment: EnvironmentMap):
         return mi.load_dict(content)
 
 
-def render(loaded, samples: int, seed: int) -> np.ndarray:
+def render(loaded, samples: int, seed: int, integrator: str = "direct") -> np.ndarray:
     """Return radiance (H, W, 3) of `samples` per pixel."""
-    return np.array(mi.render(loaded, spp=samples, seed=seed))
+    by = mi.load_dict(INTEGRATORS[integrator])
+    return np.array(mi.render(loaded, integrator=by, spp=samples, seed=seed))
 
 
 def _mesh(mesh: Mesh, path: Path) -> dict:
@@ -149,21 +159,29 @@ def _metal_rough() -> type:
             self.matt = mi.Color3f(list(properties["matt"]))
             self.f0 = mi.Color3f(list(properties["f0"]))
             self.f90, self.alpha2 = properties["f90"], properties["alpha"] ** 2
+            self.matt_share = 0.5 if max(properties["matt"]) > 0 else 0.0
+            self.microfacets = mi.MicrofacetDistribution(
+                mi.MicrofacetType.GGX, properties["alpha"], sample_visible=True
+            )
             flags = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
             self.m_components = [flags]
             self.m_flags = flags
 
         def sample(self, context, si, sample1, sample2, active):
-            drawn = mi.BSDFSample3f()
             up = dr.mulsign(mi.Float(1), mi.Frame3f.cos_theta(si.wi))
-            drawn.wo = mi.warp.square_to_cosine_hemisphere(sample2) * mi.Vector3f(1, 1, up)
-            drawn.pdf = mi.warp.square_to_cosine_hemisphere_pdf(mi.Vector3f(1, 1, up) * drawn.wo)
+            toward_eye = up * si.wi
+            normal, _ = self.microfacets.sample(toward_eye, sample2)
+            mirrored = 2 * dr.dot(toward_eye, normal) * normal - toward_eye
+            matt = mi.warp.square_to_cosine_hemisphere(sample2)
+            drawn = mi.BSDFSample3f()
+            drawn.wo = up * dr.select(sample1 < self.matt_share, matt, mirrored)
+            drawn.pdf = self.pdf(context, si, drawn.wo, active)
             drawn.eta = 1.0
             drawn.sampled_type = mi.UInt32(+mi.BSDFFlags.GlossyReflection)
             drawn.sampled_component = mi.UInt32(0)
             active &= drawn.pdf > 0
-            value = self.eval(context, si, drawn.wo, active)
-            return drawn, dr.select(active, value / drawn.pdf, 0.0)
+            value = self.eval(context, si, drawn.wo, active)  # 0 where not active
+            return drawn, value / dr.select(active, drawn.pdf, 1.0)
 
         def eval(self, context, si, wo, active):
             up = dr.mulsign(mi.Float(1), mi.Frame3f.cos_theta(si.wi))
@@ -181,7 +199,14 @@ def _metal_rough() -> type:
 
         def pdf(self, context, si, wo, active):
             up = dr.mulsign(mi.Float(1), mi.Frame3f.cos_theta(si.wi))
-            return dr.select(active & (up * wo.z > 0), up * wo.z / dr.pi, 0.0)
+            toward_eye, toward_light = up * si.wi, up * wo
+            normal = dr.normalize(toward_eye + toward_light)
+            by_normal = self.microfacets.pdf(toward_eye, normal)
+            is_above = active & (toward_eye.z > 0) & (toward_light.z > 0)
+            mirrored = by_normal / dr.select(is_above, 4 * dr.dot(toward_light, normal), 1.0)
+            by_cosine = toward_light.z / dr.pi
+            density = self.matt_share * by_cosine + (1 - self.matt_share) * mirrored
+            return dr.select(is_above, density, 0.0)
 
         def eval_pdf(self, context, si, wo, active):
             return self.eval(context, si, wo, active), self.pdf(context, si, wo, active)
