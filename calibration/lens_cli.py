@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from capture.arguments import Output
+from capture.arguments import Output, printable
 from capture.output import check_place
 
 
@@ -66,7 +66,7 @@ def calibrate_lens(
     write_calibration(output, fit.calibration, lens_fit=record, force=force)
     evidence = evidence_of(record, fit.calibration)
     for line in summary(record, fit.calibration):
-        print(line)
+        print(printable(line))
     for line in advice(evidence):
         print(f"next: {line}")
     if report is not None:

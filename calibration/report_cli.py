@@ -5,6 +5,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from capture.arguments import printable
+
 
 def report(
     calibration: Path,
@@ -47,12 +49,13 @@ def report(
     others = [] if ball is None else ball_summary(ball)
     others += [] if vignetting is None else vignetting_summary(vignetting, camera)
     if others and output is None and "lens_fit" not in read_records(calibration):
-        print("\n".join(others))
+        for line in others:
+            print(printable(line))
         return
     record = read_lens_record(calibration)
     evidence = evidence_of(record, camera)
     for line in [*summary(record, camera), *others]:
-        print(line)
+        print(printable(line))
     for line in advice(evidence):
         print(f"next: {line}")
     if output is None:

@@ -58,10 +58,17 @@ def parse_size(text: str) -> tuple[int, int]:
     return size_px
 
 
+def printable(text: str) -> str:
+    """Return text that may come from a file without what could steer a terminal."""
+    return "".join(
+        letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text
+    )
+
+
 def tell(notes: Sequence[str]) -> None:
     """Print each note as a line on stderr."""
     for note in notes:
-        print(f"note: {note}", file=sys.stderr)
+        print(f"note: {printable(note)}", file=sys.stderr)
 
 
 def size_text(size_px: tuple[int, int]) -> str:

@@ -38,6 +38,25 @@ def test_the_short_form_is_printed(
     assert list(calibration_file.parent.iterdir()) == [calibration_file]
 
 
+def test_names_in_a_file_do_not_steer_the_terminal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record, calibration, _ = known_record(
+        [(0, 0), (40, 200)], names=["a.png", "b.png"], rejected=[Rejected("c", "\x1b]0;dark\x07")]
+    )
+    path = tmp_path / "cal.json"
+    ball = {
+        "picture": "\x1b[2Jball.exr", "centre_px": [1, 2], "half_angle_rad": 0.1, "covariance": [],
+        "residual_px": 0.1, "support": 0.5, "angle_rad": [1.0], "sigma_rad": [0.1],
+    }  # fmt: skip
+    for lens in (record, None):
+        write_calibration(path, calibration, lens_fit=lens, ball_fit=ball)
+        report(path)
+        said = capsys.readouterr().out
+        assert "ball.exr" in said
+        assert all(letter.isprintable() or letter == "\n" for letter in said)
+
+
 def test_a_page_is_written_once_and_replaced_with_force(
     calibration_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
