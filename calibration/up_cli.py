@@ -104,6 +104,8 @@ def _left_out(found: Zenith) -> list[str]:
 
 
 def _pixels(text: str, flag: str) -> NDArray[np.float64]:
+    if not text.strip():
+        raise InputError(f"{flag}: wanted pixels as x,y x,y, got none")
     return np.array([_numbers(pair, 2, flag) for pair in text.split()])
 
 

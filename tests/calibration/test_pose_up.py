@@ -162,4 +162,6 @@ def test_the_command_refuses_what_it_cannot_use(tmp_path: Path) -> None:
         calibrate_up(start, output=out, gravity="0,1")
     with pytest.raises(InputError, match="sees nothing at 0,0"):
         calibrate_up(start, output=out, horizon="0,0 500,500")
+    with pytest.raises(InputError, match="--vertical: wanted pixels"):
+        calibrate_up(start, output=out, vertical=["500,500 500,400", ""])
     assert not out.exists()
