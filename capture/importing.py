@@ -192,7 +192,9 @@ def _import_video(
     exposure = Exposure(exposures_s[0] if exposures_s else 1.0)
     frames = read_video(video)
     first = next(frames)  # a file that is no video is refused before anything is made
-    with create("", measured or assumed_sensor(first.counts.dtype)) as writer:
+    sensor = measured or assumed_sensor(first.counts.dtype)
+    sensor.check_counts(first.counts.dtype)
+    with create("", sensor) as writer:
         for bracket, frame in enumerate(progress(chain([first], frames), "decoding")):
             writer.write_frame(
                 frame.counts, exposure, frame.timestamp_s, bracket, index=frame.index

@@ -12,6 +12,7 @@ from capture.frame import Bracket, Exposure
 from capture.importing import import_sources, read_photo_bracket
 from capture.merge import merge_bracket
 from capture.radiance_files import write_hdr
+from capture.sensor import assumed_sensor
 from capture.video import VideoFrame
 from tests.capture.photo_files import DATA, scene_picture, write_photograph
 
@@ -221,6 +222,13 @@ def test_a_video_cannot_be_a_bracket(tmp_path):
         import_sources([video], tmp_path / "r", exposures_s=[1.0, 2.0])
     with pytest.raises(InputError, match="alone"):
         import_sources([video, video], tmp_path / "r")
+
+
+def test_a_video_is_not_given_a_response_of_other_counts(tmp_path):
+    video = write_video(tmp_path / "v.mkv", 1)
+    with pytest.raises(InputError, match="8-bit counts"):
+        import_sources([video], tmp_path / "r", sensor=assumed_sensor(np.uint16))
+    assert not (tmp_path / "r").exists()
 
 
 def test_a_video_that_cannot_be_read_leaves_nothing(tmp_path):
