@@ -1,6 +1,5 @@
 """`fishlight calibrate colour`: a camera's colours, from its picture of a ColorChecker."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -10,13 +9,10 @@ import numpy as np
 from cyclopts import Parameter
 
 from capture.arguments import Output, WholeNumber, parse_exposures, tell
+from capture.bracket_sources import read_bracket
 from capture.errors import InputError
-from capture.frame import Bracket
-from capture.importing import read_photo_bracket
-from capture.manifest import MANIFEST_NAME, SensorRecord, sensor_record
+from capture.manifest import SensorRecord, sensor_record
 from capture.output import check_place, write_json
-from capture.recording import open_recording
-from capture.sensor import Sensor
 from capture.sensor_files import SCHEMA, read_sensor
 
 
@@ -80,7 +76,9 @@ def calibrate_colour(
     check_place(output, force=force)
     white_xy, spectrum = _white(light)
     measured = None if response is None else read_sensor(response)
-    chosen, sensor = _read_bracket(sources, exposures, bracket, measured)
+    times_s = None if exposures is None else parse_exposures(exposures)
+    chosen, sensor, notes = read_bracket(sources, times_s, bracket, measured)
+    tell(notes)
     image = merge_bracket(chosen, replace(sensor, colour_matrix=None, primaries="rec709"))
     corners_px = find_corners(image) if corners is None else _parse_corners(corners)
     patches = measure_patches(image, corners_px)
@@ -108,22 +106,6 @@ def calibrate_colour(
         f"{output}: {fit.form}; ΔE00 of left-out patches {fit.after:.2f} in the mean, "
         f"{fit.worst:.2f} at worst; {fit.before:.2f} before"
     )
-
-
-def _read_bracket(
-    sources: Sequence[Path], exposures: str | None, position: int, measured: Sensor | None
-) -> tuple[Bracket, Sensor]:
-    if not sources:
-        raise InputError("name a recording, photographs or a folder of them")
-    if len(sources) == 1 and (sources[0] / MANIFEST_NAME).is_file():
-        recording = open_recording(sources[0])
-        if not 0 <= position < len(recording):
-            raise InputError(f"{sources[0]} has {len(recording)} brackets, from 0 on")
-        return recording.read_bracket(position), measured or recording.sensor
-    times_s = None if exposures is None else parse_exposures(exposures)
-    chosen, sensor, notes = read_photo_bracket(sources, times_s, position, measured)
-    tell(notes)
-    return chosen, sensor
 
 
 def _white(light: str) -> tuple[tuple[float, float], str]:

@@ -9,18 +9,13 @@ from cyclopts import Parameter
 
 from capture.alignment import Alignment, align_bracket
 from capture.arguments import Output, WholeNumber, parse_exposures, size_text, tell
-from capture.errors import InputError
-from capture.exposure_check import exposure_warning
-from capture.frame import Bracket
+from capture.bracket_sources import read_bracket
 from capture.ghosts import find_ghosts, without_ghosts
-from capture.importing import check_has_response, read_photo_bracket
-from capture.manifest import MANIFEST_NAME
 from capture.merge import merge_bracket
 from capture.output import check_place
 from capture.primaries import PrimariesName
 from capture.radiance_files import check_hdr_suffix, write_radiance
-from capture.recording import open_recording
-from capture.sensor import Sensor, in_primaries
+from capture.sensor import in_primaries
 from capture.sensor_files import read_sensor
 
 
@@ -66,7 +61,7 @@ def merge(
     check_place(output, force=force)  # refused before the work, not after
     times_s = None if exposures is None else parse_exposures(exposures)
     measured = None if response is None else read_sensor(response)
-    chosen, sensor, notes = _read_bracket(sources, times_s, bracket, measured)
+    chosen, sensor, notes = read_bracket(sources, times_s, bracket, measured)
     sensor = in_primaries(sensor, primaries)
     if align:
         aligned = align_bracket(chosen, sensor)
@@ -101,42 +96,3 @@ def _alignment_notes(alignments: Sequence[Alignment]) -> tuple[str, ...]:
             f"darker one does: {', '.join(unsure)}"
         )
     return tuple(notes)
-
-
-def _read_bracket(
-    sources: Sequence[Path],
-    exposures_s: Sequence[float] | None,
-    position: int,
-    measured: Sensor | None,
-) -> tuple[Bracket, Sensor, tuple[str, ...]]:
-    if not sources:
-        raise InputError("nothing to merge: name a recording, photographs or a folder of them")
-    recordings = [path for path in sources if (path / MANIFEST_NAME).is_file()]
-    if recordings and len(sources) > 1:
-        raise InputError(f"{recordings[0]} is a recording; it is merged alone")
-    if not recordings:
-        return read_photo_bracket(sources, exposures_s, position, measured)
-    recording = open_recording(sources[0])
-    if exposures_s is not None:
-        raise InputError(
-            f"{sources[0]} is a recording and has its exposures; import it again to change them"
-        )
-    if not 0 <= position < len(recording):
-        raise InputError(
-            f"{sources[0]} has no bracket {position}; it has {len(recording)}, from 0 on"
-        )
-    chosen = recording.read_bracket(position)
-    if measured is not None:
-        check_has_response(chosen.frames[0], sources[0])
-    sensor = measured or recording.sensor
-    sensor.check_counts(chosen.frames[0].counts.dtype)
-    return chosen, sensor, _exposure_notes(chosen, sensor)
-
-
-def _exposure_notes(bracket: Bracket, sensor: Sensor) -> tuple[str, ...]:
-    # A recording's exposures were settled when it was made: doubt is told, not enforced.
-    try:
-        warning = exposure_warning(bracket, sensor)
-    except InputError as error:
-        warning = str(error)
-    return (warning,) if warning else ()

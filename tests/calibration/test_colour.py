@@ -18,8 +18,11 @@ from calibration.colour_chart import (
 from calibration.colour_cli import calibrate_colour
 from calibration.colour_matrix import difference, fit_colours
 from capture.errors import InputError
+from capture.frame import Exposure
 from capture.primaries import REC709, rgb_to_xyz
 from capture.radiance import RadianceImage
+from capture.recording_writer import create_recording
+from capture.sensor import assumed_sensor
 from capture.sensor_files import read_sensor
 
 Array = NDArray[np.float64]
@@ -179,6 +182,10 @@ def test_from_a_photograph_to_a_sensor(tmp_path: Path, capsys: pytest.CaptureFix
     again = tmp_path / "again.json"  # the matrix that the sensor had before does not matter
     calibrate_colour(photograph, output=again, corners=corners, exposures="0.01", response=output)
     np.testing.assert_allclose(read_sensor(again).colour_matrix, matrix)
+    with create_recording(tmp_path / "r", "", assumed_sensor(np.uint16)) as writer:
+        writer.write_frame(counts, Exposure(1.0), 0.0, 0)
+    with pytest.raises(InputError, match="has its exposures"):
+        calibrate_colour(tmp_path / "r", output=tmp_path / "no.json", exposures="0.01")
     for flags, message in (
         ({"light": "sunny"}, "--light: wanted"),
         ({"light": "0.9,0.9"}, "no light's"),
