@@ -10,7 +10,7 @@ export class Connection {
   #changes = {};
   #timer = null;
 
-  // onMoment(header, images) may be async: the next moment is asked for when it is done.
+  // The next moment is asked for when onMoment(header, images) has returned.
   constructor(onMoment, onLost) {
     this.onMoment = onMoment;
     this.onLost = onLost;
@@ -40,16 +40,22 @@ export class Connection {
     if (this.#socket?.readyState === WebSocket.OPEN) this.#socket.send(JSON.stringify(message));
   }
 
+  async #show(parsed) {
+    const { header, images } = await parsed;
+    this.onMoment(header, images);
+    for (const image of Object.values(images)) image.close();
+    this.#send({ shown: header.number });
+  }
+
   #open() {
     const socket = new WebSocket(`ws://${location.host}/view`);
     socket.binaryType = "arraybuffer";
     this.#socket = socket;
-    socket.onmessage = async ({ data }) => {
+    let shown = Promise.resolve();
+    socket.onmessage = ({ data }) => {
       this.#wait = FIRST_WAIT_MS;
-      const { header, images } = await parse(data);
-      await this.onMoment(header, images);
-      for (const image of Object.values(images)) image.close();
-      this.#send({ shown: header.number });
+      const parsed = parse(data); // beside the one before, whose turn comes first
+      shown = shown.finally(() => this.#show(parsed));
     };
     socket.onclose = ({ code, reason }) => {
       this.onLost(code, reason);
