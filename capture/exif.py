@@ -9,7 +9,7 @@ import io
 import logging
 import math
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +38,8 @@ class Exif:
         Moment of exposure since 1970-01-01, with the fraction of a second where the camera tells
         it. Without a time zone in the file, the camera's clock is read as if it were UTC:
         differences hold within one camera, the absolute time does not.
+    utc_offset : timedelta or None
+        What the camera's clock was ahead of universal time; None if the file does not tell.
     camera, lens : str
         Maker and model, "" if absent.
     orientation : int
@@ -48,6 +50,7 @@ class Exif:
     gain: float | None = None
     f_number: float | None = None
     timestamp_s: float | None = None
+    utc_offset: timedelta | None = None
     camera: str = ""
     lens: str = ""
     orientation: int = 1
@@ -65,11 +68,13 @@ def read_exif(path: Path) -> Exif:
     tags = read_tags(path)
     iso = _positive(tags, "ISOSpeedRatings")
     orientation = _positive(tags, "Orientation") or 1
+    timestamp_s, utc_offset = _moment(tags)
     return Exif(
         time_s=_positive(tags, "ExposureTime"),
         gain=None if iso is None else iso / 100,
         f_number=_positive(tags, "FNumber"),
-        timestamp_s=_timestamp(tags),
+        timestamp_s=timestamp_s,
+        utc_offset=utc_offset,
         camera=_camera(tags),
         lens=_text(tags, "EXIF LensModel"),
         orientation=int(orientation) if orientation in range(1, 9) else 1,
@@ -125,14 +130,17 @@ def _camera(tags: dict[str, Any]) -> str:
     return model if model.startswith(maker) else f"{maker} {model}".strip()
 
 
-def _timestamp(tags: dict[str, Any]) -> float | None:
+def _moment(tags: dict[str, Any]) -> tuple[float | None, timedelta | None]:
+    """Return the timestamp of a picture and the offset of the clock that it was read off."""
     for suffix, name in (("Original", "EXIF DateTimeOriginal"), ("", "Image DateTime")):
         try:
             moment = datetime.strptime(_text(tags, name), "%Y:%m:%d %H:%M:%S").replace(tzinfo=UTC)
         except ValueError:
             continue
-        return moment.timestamp() + _fraction(tags, suffix) - _utc_offset_s(tags, suffix)
-    return None
+        offset = _utc_offset(tags, suffix)
+        clock_s = moment.timestamp() + _fraction(tags, suffix)
+        return clock_s - (offset or timedelta()).total_seconds(), offset
+    return None, None
 
 
 def _fraction(tags: dict[str, Any], suffix: str) -> float:
@@ -140,9 +148,8 @@ def _fraction(tags: dict[str, Any], suffix: str) -> float:
     return float(f"0.{digits}") if digits.isascii() and digits.isdigit() else 0.0
 
 
-def _utc_offset_s(tags: dict[str, Any], suffix: str) -> float:
+def _utc_offset(tags: dict[str, Any], suffix: str) -> timedelta | None:
     try:
-        zone = datetime.strptime(_text(tags, f"EXIF OffsetTime{suffix}"), "%z").utcoffset()
+        return datetime.strptime(_text(tags, f"EXIF OffsetTime{suffix}"), "%z").utcoffset()
     except ValueError:
-        return 0.0
-    return zone.total_seconds() if zone else 0.0
+        return None

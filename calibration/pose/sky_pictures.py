@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from capture.camera_files import read_camera_file
 from capture.errors import InputError
-from capture.exif import read_exif, read_tags
+from capture.exif import read_exif
 from capture.manifest import FrameRecord
 from capture.recording import Recording, contained_file, open_recording
 from capture.sensor import Sensor
@@ -172,7 +172,7 @@ def _universal_s(timestamp_s: float, path: Path, clock: timedelta | None) -> flo
 
     EXIF with a zone has been turned into it, EXIF without was read as if it were it.
     """
-    zone = _zone(path)
+    zone = read_exif(path).utc_offset
     if zone is not None and clock is not None and zone != clock:
         raise InputError(
             f"{path}: its EXIF says that its clock is {_hours(zone)} from universal time, "
@@ -186,17 +186,6 @@ def _universal_s(timestamp_s: float, path: Path, clock: timedelta | None) -> flo
             "path; give --time-zone, such as +02:00, or UTC"
         )
     return timestamp_s - clock.total_seconds()
-
-
-def _zone(path: Path) -> timedelta | None:
-    """Return the zone of the clock whose time `read_exif` returns, if the file tells it."""
-    tags = read_tags(path)
-    suffix = "Original" if "EXIF DateTimeOriginal" in tags else ""
-    try:
-        text = str(tags[f"EXIF OffsetTime{suffix}"]).strip()
-        return datetime.strptime(text, "%z").utcoffset()
-    except (KeyError, ValueError):
-        return None
 
 
 def _hours(offset: timedelta) -> str:

@@ -178,11 +178,12 @@ def test_a_night_is_refused_with_what_the_pictures_show(
         )
 
 
-def photograph(path: Path, zone: str) -> Path:
+def photograph(path: Path, zone: str, original: str = "2026:06:21 09:00:00") -> Path:
     picture = Image.new("RGB", (8, 8))
     exif = picture.getexif()
+    exif[0x132] = "2026:06:21 09:00:00"  # DateTime
     tags = exif.get_ifd(0x8769)
-    tags[0x9003] = "2026:06:21 09:00:00"  # DateTimeOriginal
+    tags[0x9003] = original  # DateTimeOriginal
     if zone:
         tags[0x9011] = zone  # OffsetTimeOriginal
     picture.save(path, exif=exif)
@@ -194,8 +195,11 @@ def test_photographs_need_a_zone_from_file_or_flag(tmp_path: Path) -> None:
     two_hours = timedelta(hours=2)
     for path, clock in ((bare, two_hours), (zoned, None), (zoned, two_hours)):
         assert sky_pictures([path], clock, None)[0].timestamp_s == START.timestamp()
-    with pytest.raises(InputError, match="zone of its clock"):
-        sky_pictures([bare], None, None)
+    # The zone of a moment that is not told says nothing of the one that is.
+    blank = photograph(tmp_path / "d.jpg", "+02:00", original="0000:00:00 00:00:00")
+    for path in (bare, blank):
+        with pytest.raises(InputError, match="zone of its clock"):
+            sky_pictures([path], None, None)
     with pytest.raises(InputError, match="leave it out"):
         sky_pictures([zoned], timedelta(0), None)
     undated = tmp_path / "c.png"

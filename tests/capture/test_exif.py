@@ -4,7 +4,7 @@ import struct
 import subprocess
 import sys
 import time
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -74,8 +74,14 @@ def test_text_of_a_file_holds_nothing_that_steers_a_terminal(tmp_path: Path) -> 
 
 
 def test_time_zone_is_taken_off(tmp_path: Path) -> None:
-    path = photograph(tmp_path, original="2024:06:01 12:00:00", zone="+02:00")
-    assert read_exif(path).timestamp_s == NOON - 7200
+    exif = read_exif(photograph(tmp_path, original="2024:06:01 12:00:00", zone="+02:00"))
+    assert (exif.timestamp_s, exif.utc_offset) == (NOON - 7200, timedelta(hours=2))
+    # A zone of a moment that is not told is no zone of the one that is.
+    other = {306: "2024:06:01 12:00:00"}
+    exif = read_exif(
+        photograph(tmp_path, camera=other, original="0000:00:00 00:00:00", zone="+02:00")
+    )
+    assert (exif.timestamp_s, exif.utc_offset) == (NOON, None)
 
 
 @pytest.mark.parametrize(
