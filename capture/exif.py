@@ -1,4 +1,4 @@
-"""What a camera wrote about a picture: exposure, moment, camera and lens.
+"""What a camera wrote about a picture: exposure, moment and camera.
 
 Input  : a JPEG, TIFF, PNG or RAW file.    Output : Exif, with None for what it does not tell.
 Fails  : cameras round exposure times to the engraved series (1/30 s is 1/32 s), an error of up to
@@ -40,7 +40,7 @@ class Exif:
         differences hold within one camera, the absolute time does not.
     utc_offset : timedelta or None
         What the camera's clock was ahead of universal time; None if the file does not tell.
-    camera, lens : str
+    camera : str
         Maker and model, "" if absent.
     orientation : int
         How to turn the stored pixels for viewing, 1 to 8; 1 is upright.
@@ -52,7 +52,6 @@ class Exif:
     timestamp_s: float | None = None
     utc_offset: timedelta | None = None
     camera: str = ""
-    lens: str = ""
     orientation: int = 1
 
 
@@ -76,7 +75,6 @@ def read_exif(path: Path) -> Exif:
         timestamp_s=timestamp_s,
         utc_offset=utc_offset,
         camera=_camera(tags),
-        lens=_text(tags, "EXIF LensModel"),
         orientation=int(orientation) if orientation in range(1, 9) else 1,
     )
 
