@@ -240,9 +240,10 @@ class Calibration:
             f"{what} is {width}×{height} px but the calibration holds for {own_width}×{own_height}"
         )
         if same_shape(size_px, self.image_size_px):
+            scale = f"{width / own_width:.6g}"
             raise InputError(
-                f"{message}: if the picture was resized, scale the calibration file "
-                f"(centre and lengths in pixels × {width / own_width:.6g}) or the picture"
+                f"{message}: if the picture was resized, scale the calibration file (lengths in "
+                f"pixels × {scale}, centres to (x + ½) × {scale} − ½) or the picture"
             )
         raise InputError(f"{message}: use the calibration of this camera and picture size")
 

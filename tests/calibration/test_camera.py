@@ -176,6 +176,15 @@ def test_a_scaled_camera_sees_the_same_through_the_corners_of_its_pixels(
     assert half.image_size_px == (200, 150)
 
 
+def test_a_resized_picture_is_told_how_to_scale_the_file() -> None:
+    with pytest.raises(InputError) as refusal:
+        FISHEYE.check_size((200, 150), "a.exr")
+    assert "lengths in pixels × 0.5, centres to (x + ½) × 0.5 − ½" in str(refusal.value)
+    x, y = FISHEYE.model.centre_px  # type: ignore[attr-defined]
+    half = FISHEYE.scaled_to((200, 150)).model.centre_px  # type: ignore[attr-defined]
+    assert half == ((x + 0.5) * 0.5 - 0.5, (y + 0.5) * 0.5 - 0.5)
+
+
 def test_only_the_same_shape_can_be_scaled() -> None:
     large = replace(FISHEYE, image_size_px=(5616, 3744))
     assert large.scaled_to((1024, 683)).image_size_px == (1024, 683)  # 682.67 rounded
