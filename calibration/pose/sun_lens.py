@@ -143,7 +143,7 @@ def lens_by_sun(model: CameraModel, pixels: Array, sun: Array, least_sigma_px: f
 
 def _direction_sigma(lens: CameraModel, R: Array, covariance: Array, outer_rad: float) -> float:
     """Return the largest standard deviation of a direction in the world at fixed pixels."""
-    at = fan((0.0, outer_rad), outer_rad, count=8).directions
+    at = fan((0.0, outer_rad), outer_rad, count=8).directions * (1.0, 1.0, lens.axis_z)
     pixels, _ = lens.project(at)
     moved = []
     for step in np.diag(_STEPS):

@@ -14,6 +14,7 @@ from calibration.models.equidistant import Equidistant
 from calibration.models.equisolid import Equisolid
 from calibration.models.kannala_brandt import KannalaBrandt
 from calibration.models.mirror_ball import MirrorBall
+from calibration.models.mirror_ball_off_axis import MirrorBallOffAxis
 from calibration.pose.sun_lens import LensBySun, lens_by_sun
 from calibration.pose.sun_position import sun_directions
 from capture.errors import InputError
@@ -88,6 +89,17 @@ def test_another_kind_of_lens_is_refused() -> None:
     pixels, _ = Equisolid(LENS.centre_px, 95.0).project(DAY @ POSE)
     with pytest.raises(InputError, match="kind of lens"):
         lens_by_sun(LENS, pixels, DAY, 0.05)
+
+
+def test_what_a_ball_shows_is_judged_about_the_way_back_to_the_camera() -> None:
+    # The sun passes up to 67° from there; about 180° from it lies the cone that a ball does not show.
+    ball = MirrorBallOffAxis((170.0, 140.0), (160.0, 150.0), 900.0, 10.0)
+    back = POSE * (1.0, -1.0, -1.0)
+    pixels, seen = ball.project(DAY @ back)
+    assert seen.all()
+    found = lens_by_sun(ball, pixels, DAY, 0.05)
+    assert found.seen_rad[1] < np.radians(80)
+    assert found.direction_sigma_rad < np.radians(0.5)  # at the cone it is 5°
 
 
 def test_a_mirror_ball_has_no_focal_length() -> None:
