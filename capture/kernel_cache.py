@@ -34,9 +34,10 @@ def drop_stale_kernels(root: Path = Path(__file__).parents[1]) -> None:
             for suffix in ("nbi", "nbc")
             for kernel in (path.parent / "__pycache__").glob(f"{path.stem}.*.{suffix}")
         ]
-        if any(kernel.stat().st_mtime_ns < newest_ns for kernel in kernels):
-            for kernel in kernels:
-                kernel.unlink(missing_ok=True)
+        with suppress(FileNotFoundError):  # another command that starts may be at the same work
+            if any(kernel.stat().st_mtime_ns < newest_ns for kernel in kernels):
+                for kernel in kernels:
+                    kernel.unlink(missing_ok=True)
     with suppress(OSError):
         looked.parent.mkdir(exist_ok=True)
         looked.touch()

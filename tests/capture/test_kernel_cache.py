@@ -1,6 +1,7 @@
 """Kernels that numba keeps, and the changes that it does not notice."""
 
 import os
+from pathlib import Path
 
 import pytest
 
@@ -84,6 +85,22 @@ def test_it_looks_closely_only_after_a_change(tree, monkeypatch):
     os.utime(tree / "render/deep/inner.py")
     drop_stale_kernels(tree)
     assert kept(tree) == {"capture/others"}
+
+
+def test_kernels_that_another_command_removes_meanwhile_do_no_harm(tree, monkeypatch):
+    glob = Path.glob
+
+    def gone_after(folder, pattern):
+        found = list(glob(folder, pattern))
+        for path in found:
+            path.unlink()
+        return found
+
+    change(tree / "render/deep/inner.py")
+    monkeypatch.setattr("pathlib.Path.glob", gone_after)
+    drop_stale_kernels(tree)
+    monkeypatch.undo()
+    assert kept(tree) == set()
 
 
 def test_where_it_may_not_write_it_does_no_harm(tree, monkeypatch):
