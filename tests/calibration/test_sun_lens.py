@@ -92,7 +92,7 @@ def test_another_kind_of_lens_is_refused() -> None:
 
 
 def test_what_a_ball_shows_is_judged_about_the_way_back_to_the_camera() -> None:
-    # The sun passes up to 67° from there; about 180° from it lies the cone that a ball does not show.
+    # The sun passes up to 67° from there; opposite lies the cone that a ball does not show.
     ball = MirrorBallOffAxis((170.0, 140.0), (160.0, 150.0), 900.0, 10.0)
     back = POSE * (1.0, -1.0, -1.0)
     pixels, seen = ball.project(DAY @ back)
