@@ -173,7 +173,7 @@ def _lamp(shot: Shot, radius_rad: float) -> tuple[float, float, float]:
         with np.errstate(invalid="ignore"):
             inside = seen & (directions @ towards > np.cos(radius_rad))
         towards = (value[inside, None] * directions[inside]).sum(axis=0)
-        towards /= np.linalg.norm(towards)
+        towards /= max(np.linalg.norm(towards), np.finfo(np.float64).tiny)  # 0 if all is black
     with np.errstate(invalid="ignore"):
         cosine = np.where(seen, directions @ towards, -1.0)
     inside = cosine > np.cos(radius_rad)

@@ -175,6 +175,8 @@ def test_pictures_that_cannot_be_used_are_refused() -> None:
         lamp_samples([replace(lit, image=replace(lit.image, clipped=clipped))], 0.06)
     with pytest.raises(InputError, match="does not stand out"):
         lamp_samples([shot(LENS, np.ones((SIZE, SIZE)))], 0.06)
+    with pytest.raises(InputError, match="cut off"):
+        lamp_samples([shot(LENS, np.zeros((SIZE, SIZE)))], 0.06)
     edge = turned(LENS, 1.57)
     with pytest.raises(InputError, match="cut off by the rim"):
         lamp_samples([shot(edge, lamp(edge, AHEAD))], 0.06)
