@@ -73,7 +73,7 @@ def merge_bracket(
         In any order: the result is the same to the bit as long as frames of equal exposure differ
         in timestamp or index.
     sensor : Sensor
-        Not used for float counts.
+        Of float counts only its colours are used.
     memory : PictureMemory or None
         Where the picture goes, for a stream of brackets: nothing is then allocated for each. Not
         used for float counts.
