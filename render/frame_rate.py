@@ -7,7 +7,8 @@ grown always fits, because a is taken to grow with p: so what shrinks only shrin
 and nothing oscillates. Timings that scatter are judged by their median.
 
 Input  : what each frame took in each stage.    Output : what the next one may take.
-Fails  : where the smallest picture with the fewest lights takes longer, it is drawn nevertheless.
+Fails  : where all but lights and picture takes too long, the rate is not held; the picture is then
+         left a quarter of the time.
          Of a load that comes and goes within a few dozen frames, each change is followed.
 """
 
@@ -32,7 +33,10 @@ _STEP = 2.0**-0.25
 _MOST_STEPS = 2
 _MOST_USE, _MOST_USE_OF_FEW_FRAMES = 1.0, 1.3
 _AIM = 0.9
-_LEAST_LIGHTS_MS = 4.0
+_LEAST_BUDGET_MS = 0.1
+_LEAST_SHARE = 0.25
+"""Of a frame's time, which a picture may take however long the rest does: there, less of it would
+change little."""
 _BEFORE = ("merge", "remap", "blocks")
 """Stages of a frame before its lights. Decoding and writing have threads of their own."""
 
@@ -86,18 +90,18 @@ def next_pace(
         other_ms = median(other for _, other in times_ms)
         is_settled = len(times_ms) == FRAMES
         most_use = _MOST_USE if is_settled else _MOST_USE_OF_FEW_FRAMES
-        if picture_ms + other_ms > most_use * period_ms and are_fewest:
-            step = min(step + _steps_down(picture_ms, _AIM * period_ms - other_ms), STEPS)
+        is_over = picture_ms + other_ms > most_use * period_ms
+        if is_over and are_fewest and picture_ms > _LEAST_SHARE * period_ms:
+            wanted_ms = max(_AIM * period_ms - other_ms, _LEAST_SHARE * period_ms)
+            step = min(step + _steps_down(picture_ms / wanted_ms), STEPS)
         elif is_settled and are_all and picture_ms / _STEP**2 + other_ms < _AIM * period_ms:
             step = max(step - 1, 0)
     return Pace(step, most_lights, times_ms if step == pace.step else ())
 
 
-def _steps_down(picture_ms: float, wanted_ms: float) -> int:
-    """Return the steps after which a picture should take so long, at least 1."""
-    if wanted_ms <= 0 or picture_ms <= 0:
-        return _MOST_STEPS
-    steps = math.ceil(math.log(wanted_ms / picture_ms) / (2 * math.log(_STEP)))
+def _steps_down(excess: float) -> int:
+    """Return the steps after which a picture takes so many times less, at least 1."""
+    steps = math.ceil(-math.log(max(excess, 1.0)) / (2 * math.log(_STEP)))
     return min(max(steps, 1), _MOST_STEPS)
 
 
@@ -132,19 +136,23 @@ class FrameRate:
         if self._rate_hz is None:
             return plan
         before_ms = median(self._before_ms) if self._before_ms else 0.0
-        budget_ms = max(1e3 / self._rate_hz - before_ms, _LEAST_LIGHTS_MS)
+        budget_ms = max(1e3 / self._rate_hz - before_ms, _LEAST_BUDGET_MS)
         return replace(plan, budget_ms=budget_ms, fewest=min(FEWEST_LIGHTS, plan.count))
 
-    def judge(self, frame_ms: Mapping[str, float], plan: LightPlan, memory: StreamMemory) -> None:
-        """Take note of what a frame of a planned plan took in each stage."""
-        if self._rate_hz is None:
-            return
+    def note(self, frame_ms: Mapping[str, float]) -> None:
+        """Take note of what a frame took before its lights."""
         before_ms = sum(frame_ms.get(stage, 0.0) for stage in _BEFORE)
         self._before_ms = (*self._before_ms, before_ms)[-FRAMES:]
+
+    def judge(self, frame_ms: Mapping[str, float], plan: LightPlan, memory: StreamMemory) -> None:
+        """Take note of what a frame of a planned plan, drawn in `size_px`, took in each stage."""
+        self.note(frame_ms)
+        if self._rate_hz is None:
+            return
         self._pace = next_pace(
             self._pace,
             memory.most,
-            (frame_ms.get("render", 0.0), before_ms + frame_ms["lights"]),
+            (frame_ms["render"], self._before_ms[-1] + frame_ms["lights"]),
             1e3 / self._rate_hz,
             are_fewest=memory.most <= plan.fewest,
             are_all=memory.most == plan.count or memory.found < memory.most,

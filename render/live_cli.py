@@ -44,7 +44,7 @@ def live(
     count: Count = 64,
     error: Error = None,
     method: MethodName = ADAPTIVE,
-    frame_rate: float | None = None,
+    fps: Annotated[float | None, Parameter(name=["--fps", "--frame-rate"])] = None,
     exposures: str | None = None,
     camera_size: str | None = None,
     format: str | None = None,
@@ -80,8 +80,9 @@ def live(
     place
         With --blend, where each camera stands in metres, x,y,z with y up; as often as there are
         sources. The scene stands at 0,0,0 until it is moved on the page.
-    frame_rate
-        With --count auto: no more lights than leave so many frames a second.
+    fps
+        Hold so many frames a second: with fewer lights, and if that is not enough with a smaller
+        picture.
     exposures
         Exposure times of a camera's brackets in seconds, such as 1/1000,1/60; chosen for the scene
         if not given.
@@ -133,7 +134,7 @@ def live(
             "is_auto": is_auto,
             **({} if is_auto else {"count": count}),
             "error": DEFAULT_ERROR if error is None else error,
-            "frame_rate_hz": frame_rate,
+            "frame_rate_hz": fps,
             "exposures_s": None if exposures is None else list(parse_exposures(exposures)),
             **({"model": mesh[0].stem} if mesh else {}),
         },
@@ -149,7 +150,10 @@ def live(
     placed = _placed(requests, place) if blend else ()
     if not blend and (len(source) > 1 or place):
         raise InputError("several sources, or a --place, are for --blend")
-    desk = Desk(settings, load_models(mesh))
+    models = load_models(mesh)
+    for note in models.notes:
+        _say(note)
+    desk = Desk(settings, models)
     picture_px = parse_size(size)
     with (
         PictureWindow(picture_px) if window else nullcontext() as shown,

@@ -11,7 +11,6 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from statistics import median
 from typing import Any
 
 import numpy as np
@@ -32,6 +31,7 @@ from lighting.maps.environment import EnvironmentMap, luminance
 from lighting.maps.remap import apply_remap, build_remap
 from lighting.reduce import BLOCK_METHODS
 from lighting.stream.light_stream import LightPlan, StreamMemory, next_lights
+from render.frame_rate import FrameRate
 from render.live.camera_view import seen_pixels, state_of, thinned
 from render.live.desk import Desk, Seen, State
 from render.live.exposing import ViewExposure
@@ -97,6 +97,7 @@ class LiveSession:
         self._memory: StreamMemory | None = None
         self._planned: Settings | None = None
         self._took_ms: float | None = None
+        self._rate = FrameRate(desk.settings.frame_rate_hz)
         self._merged = PictureMemory()
         self._held: _Held | None = None
         self._exposure = ViewExposure()
@@ -155,7 +156,7 @@ class LiveSession:
             assert environment is not None
             environment = turned_map(environment, settings.yaw_rad)
             picture = self._drawn(settings, lights, environment, clock)
-        self._took_ms = clock.frames[-1]["lights"] + clock.frames[-1].get("render", 0.0)
+        self._judge(plan, clock.frames[-1])
         counters.rendered += 1
 
         camera = thinned(held.image, self._is_seen_px)
@@ -182,11 +183,21 @@ class LiveSession:
 
     def _plan(self, settings: Settings) -> LightPlan:
         """Return what lights are wanted; other settings than before begin without memory."""
-        plan = light_plan(settings, self._other_ms())
         if self._planned is None or _asked(settings) != _asked(self._planned):
             self._memory = self._took_ms = None
         self._planned = settings
-        return plan
+        if settings.frame_rate_hz != self._rate.rate_hz:
+            self._rate = FrameRate(settings.frame_rate_hz)
+        return self._rate.planned(light_plan(settings))
+
+    def _judge(self, plan: LightPlan, frame_ms: dict[str, float]) -> None:
+        """Have the frame rate held by what this frame took."""
+        assert self._memory is not None
+        self._took_ms = frame_ms["lights"] + frame_ms.get("render", 0.0)
+        if self._picture is not None and self._picture.is_settled and "render" in frame_ms:
+            self._rate.judge(frame_ms, plan, self._memory)
+        else:
+            self._rate.note(frame_ms)
 
     def _lights(
         self,
@@ -227,14 +238,21 @@ class LiveSession:
             return None
         with clock.stage("render"):
             return self._picture.render(
-                settings, lights, environment if settings.is_background else None
+                settings,
+                lights,
+                environment if settings.is_background else None,
+                self._rate.size_px(self._picture.size_px),
             )
 
-    def _other_ms(self) -> float:
-        """Return what frames spend before their lights and picture, in the median."""
-        stages = ("merge", "remap", "blocks")
-        spent = [sum(frame.get(stage, 0.0) for stage in stages) for frame in self._clock.frames]
-        return median(spent) if spent else 0.0
+    def _pace(self) -> str | None:
+        """Return what is drawn so that the frame rate is held, for people."""
+        if self._rate.rate_hz is None or self._memory is None:
+            return None
+        lights = f"{self._memory.found} lights"
+        if self._seen is None or self._seen.picture is None:
+            return lights
+        height, width = self._seen.picture.shape[:2]
+        return f"{lights}, picture {width}×{height}"
 
     def _account(self, age_s: float) -> dict[str, Any]:
         """Return the numbers that people are shown."""
@@ -247,6 +265,7 @@ class LiveSession:
             "counters": vars(counters).copy(),
             "times_ms": {name: round(ms, 2) for name, ms in times_ms.items()},
             "frame_rate_hz": round((len(begun_s) - 1) / elapsed_s, 1) if elapsed_s else None,
+            "pace": self._pace(),
             "latency_ms": round(1e3 * age_s, 1),
             "source": self._source.name,
             "size_px": self._source.size_px,

@@ -18,8 +18,6 @@ from lighting.stream.light_stream import LightPlan
 MOST_LIGHTS = 512
 """More are not drawn live."""
 
-_LEAST_BUDGET_MS = 4.0  # below it the count falls to one and the picture says nothing
-
 _Metres = Annotated[float, Meta(ge=-1000, le=1000)]
 _Seconds = Annotated[float, Meta(ge=1e-6, le=100.0)]
 
@@ -37,7 +35,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     count : int
     error : float
     frame_rate_hz : float or None
-        With `is_auto`: no more lights than leave so many frames a second.
+        To be held, with fewer lights and smaller pictures where that is needed.
     is_steady : bool
     exposures_s : tuple of float or None
         Of a camera's brackets; None chooses them.
@@ -97,20 +95,8 @@ def changed(settings: Settings, changes: Mapping[str, Any]) -> Settings:
         raise InputError(f"not changed: {error}") from None
 
 
-def light_plan(settings: Settings, other_ms: float) -> LightPlan:
-    """Return what lights each frame is to have.
-
-    Parameters
-    ----------
-    settings : Settings
-    other_ms : float
-        Milliseconds of a frame that go neither into its lights nor its picture.
-    """
+def light_plan(settings: Settings) -> LightPlan:
+    """Return what lights each frame is to have, whatever time they take."""
     if not settings.is_auto or settings.method != ADAPTIVE:
         return LightPlan(settings.count, settings.method, is_steady=settings.is_steady)
-    budget_ms = None
-    if settings.frame_rate_hz is not None:
-        budget_ms = max(1e3 / settings.frame_rate_hz - other_ms, _LEAST_BUDGET_MS)
-    return LightPlan(
-        MOST_LIGHTS_FOR_ERROR, ADAPTIVE, settings.error, budget_ms, is_steady=settings.is_steady
-    )
+    return LightPlan(MOST_LIGHTS_FOR_ERROR, error=settings.error, is_steady=settings.is_steady)

@@ -71,6 +71,8 @@ function showState(name, message) {
 function showVitals({ account, lights, state, age_s: age }) {
   byId("source").textContent = account.source ?? "";
   byId("rate").textContent = account.frame_rate_hz?.toFixed(1) ?? "–";
+  byId("pace").hidden = !account.pace;
+  byId("pace").textContent = account.pace ? `Drawn for it: ${account.pace}` : "";
   const latency = account.latency_ms;
   byId("latency").textContent = STALE.has(state.name) && latency != null ? `${age.toFixed(1)} s old`
     : latency == null ? "–" : latency < 1000 ? `${Math.round(latency)} ms` : `${(latency / 1000).toFixed(1)} s`;

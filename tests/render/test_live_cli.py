@@ -32,7 +32,7 @@ def test_a_recording_played_once_is_accounted_for(tmp_path, capsys):
         (["--port", "70000"], "--port 70000: wanted 0 to 65535"),
         (["--rate", "0"], "--rate 0: wanted more than 0"),
         (["--mains-hz", "55"], "--mains-hz 55"),
-        (["--frame-rate", "0"], "frame_rate_hz"),
+        (["--fps", "0"], "frame_rate_hz"),
         (["--exposures", "1/0"], "no time in seconds"),
         (["--count", "0"], "count"),
         (["--count", "auto", "--method", "median-cut"], "--count auto is for"),

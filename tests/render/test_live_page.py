@@ -264,6 +264,7 @@ def test_a_tolerance_and_a_frame_rate_can_be_asked_for(page):
     wait_until(page, lambda: settings_of(page)["frame_rate_hz"] == 25)
     page.locator("#frame_rate_hz").fill("10")
     wait_until(page, lambda: settings_of(page)["frame_rate_hz"] == 10)
+    page.get_by_text(" lights, picture ").wait_for()
     page.reload()
     page.wait_for_selector("#picture-panel.has-image")
     wait_until(page, lambda: page.get_by_label("Tolerance").is_checked())
@@ -272,6 +273,7 @@ def test_a_tolerance_and_a_frame_rate_can_be_asked_for(page):
     page.get_by_text("Count", exact=True).click()
     wait_until(page, lambda: not settings_of(page)["is_auto"])
     assert settings_of(page)["frame_rate_hz"] is None
+    page.wait_for_selector("#pace", state="hidden")
 
 
 def test_the_picture_is_walked_around_by_mouse_and_by_keys(page):

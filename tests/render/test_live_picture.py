@@ -61,6 +61,27 @@ def test_a_draft_comes_at_once_and_the_traced_picture_follows(monkeypatch):
     np.testing.assert_allclose(drafts[-1][..., :3].mean(axis=(0, 1)), mean, rtol=0.15)
 
 
+def test_a_smaller_picture_comes_when_it_is_traced(monkeypatch):
+    monkeypatch.setattr(live_picture, "RESTING_S", 0.0)
+    monkeypatch.setattr(live_picture, "may_enter_beside", lambda: True)
+    settings = Settings(model="sphere")
+    with LivePicture(MODELS, SIZE_PX) as picture:
+        rendered_when_traced(picture, settings)
+        assert picture.is_settled
+        seen = []
+        while not seen or not picture.is_settled:
+            seen.append(picture.render(settings, LIGHTS, None, (24, 18)).shape[:2])
+            assert not picture.is_draft
+            time.sleep(0.01)
+            assert len(seen) < 2000
+        smaller = picture.render(settings, LIGHTS, None, (24, 18))
+    assert seen[0] == (36, 48), "nothing waits for it"
+    assert seen[-1] == (18, 24)
+    scene, camera = MODELS.view(settings, (24, 18))
+    with BakedRenderer(scene, camera) as baked:
+        np.testing.assert_array_equal(smaller, baked.render(LIGHTS, None))
+
+
 def test_while_the_view_is_moved_nothing_more_is_traced(monkeypatch):
     go_on = threading.Event()
     traced, trace = [], live_picture.BakedRenderer

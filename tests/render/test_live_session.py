@@ -65,13 +65,16 @@ class Source:
 class Drawer:
     """Draws white, and remembers what of."""
 
-    gl: str = "none"
+    size_px: tuple = (64, 48)
     is_draft: bool = False
+    is_settled: bool = True
+    takes_s: float = 0.0
     asked: list = field(default_factory=list)
 
-    def render(self, settings, lights, background):
+    def render(self, settings, lights, background, wanted_px):
         self.asked.append((settings, lights, background))
-        return np.ones((2, 2, 4), np.float32)
+        time.sleep(self.takes_s * wanted_px[0] / self.size_px[0])
+        return np.ones((*wanted_px[::-1], 4), np.float32)
 
 
 @dataclass
@@ -86,7 +89,10 @@ class Ran:
         return [moment.state.name for moment in self.moments]
 
 
-def run(recording, count=6, *, before=None, instead=None, settings=None, watched=True, work=None):
+def run(
+    recording, count=6, *, before=None, instead=None, settings=None, watched=True, work=None,
+    drawer=None,
+):  # fmt: skip
     """Return what came of a session of `count` brackets; `before` takes the desk and a number."""
     desk = Desk(settings or Settings(count=20), MODELS)
     desk.watchers = int(watched)
@@ -94,7 +100,7 @@ def run(recording, count=6, *, before=None, instead=None, settings=None, watched
     desk.listen(lambda: desk.newest and moments.setdefault(desk.newest.number, desk.newest))
     act = before or (lambda _desk, _number: None)
     source = Source(recording, count, lambda number: act(desk, number), instead or {})
-    drawer = Drawer()
+    drawer = drawer or Drawer()
 
     def done(bracket, seen):
         if work is not None:
@@ -119,6 +125,25 @@ def test_every_bracket_is_published_and_counted(recording):
     assert account["counters"]["rendered"] == 6
     assert {"merge", "remap", "blocks", "lights", "render"} < set(account["times_ms"])
     assert account["latency_ms"] > 0
+
+
+def test_a_frame_rate_is_held_by_smaller_pictures_and_told(recording):
+    """Twenty lights are sixteen after three frames, and then the picture becomes smaller."""
+    wanted = Settings(count=20, frame_rate_hz=100.0)
+    ran = run(recording, 12, settings=wanted, drawer=Drawer(takes_s=0.03))
+    seen = [moment.seen.picture.shape[1] for moment in ran.moments[:-1]]
+    assert seen[:4] == [64] * 4
+    assert seen[-1] < 64
+    height, width = ran.moments[-1].seen.picture.shape[:2]
+    assert ran.moments[-1].account["pace"] == f"16 lights, picture {width}×{height}"
+    assert run(recording).moments[-1].account["pace"] is None
+
+
+def test_pictures_that_are_drafts_or_traced_beside_say_nothing_of_the_pace(recording):
+    wanted = Settings(count=20, frame_rate_hz=100.0)
+    drawer = Drawer(takes_s=0.03, is_settled=False)
+    ran = run(recording, 12, settings=wanted, drawer=drawer)
+    assert all(moment.seen.picture.shape[1] == 64 for moment in ran.moments[:-1])
 
 
 def test_where_nobody_watches_nothing_is_drawn(recording):
