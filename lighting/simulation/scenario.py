@@ -169,15 +169,19 @@ def scenario(
         raise InputError(
             f"{len(maps)} maps for {bracket_count} brackets: give one map, or one for each bracket"
         )
-    if not np.isfinite(yaw_rad_per_s):
-        raise InputError(f"the yaw rate must be finite, got {yaw_rad_per_s}")
+    duration_s = (bracket_count - 1) / rate_hz
+    if not (np.isfinite(duration_s) and np.isfinite(yaw_rad_per_s * duration_s)):
+        raise InputError(
+            f"rate and yaw rate must leave time and turn finite, got {rate_hz:g} Hz and "
+            f"{yaw_rad_per_s:g} rad/s"
+        )
     split = [split_sun(each) if cloud else (each, None) for each in maps]
     moments = []
     for index in range(bracket_count):
         timestamp_s = index / rate_hz
         progress = index / max(bracket_count - 1, 1)
         environment, sun = split[index % len(maps)]
-        yaw_rad = yaw_rad_per_s * timestamp_s
+        yaw_rad = float(np.fmod(yaw_rad_per_s * timestamp_s, 2 * np.pi))
         cover = _cloud_cover(progress) if cloud else 0.0
         discs = []
         if sun is not None:

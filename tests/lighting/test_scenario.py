@@ -101,6 +101,12 @@ def test_timestamps_follow_the_rate_and_yaw_follows_the_time() -> None:
     assert first[1] == last[1]
 
 
+def test_after_many_turns_the_yaw_is_still_a_turn() -> None:
+    moments = scenario([sunny_map(SUN)], bracket_count=3, rate_hz=1e-12, yaw_rad_per_s=-3.0)
+    assert all(-2 * np.pi < moment.yaw_rad <= 0 for moment in moments)
+    assert np.sin(moments[2].yaw_rad) == pytest.approx(np.sin(-6e12))
+
+
 def test_one_map_for_each_bracket() -> None:
     maps = [environment(np.full((4, 8, 3), value)) for value in (1.0, 2.0, 3.0)]
     moments = scenario(maps, bracket_count=3, rate_hz=1.0)
@@ -113,7 +119,9 @@ def test_one_map_for_each_bracket() -> None:
         ({"bracket_count": 0}, "bracket"),
         ({"rate_hz": 0.0}, "rate"),
         ({"rate_hz": np.nan}, "rate"),
+        ({"rate_hz": 1e-320}, "leave time"),
         ({"yaw_rad_per_s": np.inf}, "yaw"),
+        ({"rate_hz": 1e-200, "yaw_rad_per_s": 1e200}, "and turn finite"),
         ({"bracket_count": 5}, "2 maps for 5 brackets"),
     ],
 )
