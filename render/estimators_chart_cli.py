@@ -101,7 +101,11 @@ def chart_estimators(
         )
         for case in progress(cases, "gallery")
     ]
-    charts = {theme: path.read_text() for path, theme in drawn.items() if path.suffix == ".svg"}
+    charts = {
+        theme: path.read_text(encoding="utf-8")
+        for path, theme in drawn.items()
+        if path.suffix == ".svg"
+    }
     lit = {"a point light": under_point_light()}
     lit |= {f"the map “{name}”": under(environment) for name, environment in maps.items()}
     strips = {name: to_display(seen, auto_exposure_ev(seen)) for name, seen in lit.items()}
