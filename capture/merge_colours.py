@@ -35,8 +35,9 @@ def in_colours(
         return image
     radiance = image.radiance
     if full_radiance is not None:
-        white = (full_radiance * np.linalg.solve(matrix, np.ones(3))).astype(np.float32)
-        radiance = np.where(image.clipped[..., None], np.minimum(radiance, white), radiance)
+        white = np.linalg.solve(matrix, np.ones(3))
+        most = (full_radiance * white / white.max()).astype(np.float32)
+        radiance = np.where(image.clipped[..., None], np.minimum(radiance, most), radiance)
     return RadianceImage(
         np.maximum(cv2.transform(radiance, matrix), np.float32(0), dtype=np.float32),
         np.asarray(cv2.transform(image.variance, matrix**2), np.float32),

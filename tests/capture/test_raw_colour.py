@@ -194,3 +194,12 @@ def test_a_clipped_pixel_is_white_or_below_what_its_channels_say() -> None:
     camera = np.linalg.solve(matrix, image.radiance[0, 0])
     measured = 100 * (counts[0, 0] - 4096.0) / (65535 - 4096)
     np.testing.assert_allclose(camera, np.minimum(measured, [45, 100, 58]), rtol=1e-5)
+
+
+@pytest.mark.parametrize("scale", [0.8, 1.25])
+def test_clipped_light_is_white_by_a_matrix_of_any_scale(scale: float) -> None:
+    # That of `calibrate colour` keeps the luminance of grey, whatever fills a channel.
+    matrix, _ = camera_to_rec709([dng_matrix(CAMERA)], None, NO_TABLE)
+    full = Bracket((Frame(np.full((1, 1, 3), 65535, np.uint16), Exposure(0.01)),))
+    image = merge_bracket(full, Sensor(4096, 65535, colour_matrix=scale * np.array(matrix)))
+    np.testing.assert_allclose(image.radiance, 100 * scale, rtol=1e-6)
