@@ -104,7 +104,7 @@ def test_timestamps_follow_the_rate_and_yaw_follows_the_time() -> None:
 def test_after_many_turns_the_yaw_is_still_a_turn() -> None:
     moments = scenario([sunny_map(SUN)], bracket_count=3, rate_hz=1e-12, yaw_rad_per_s=-3.0)
     assert all(-2 * np.pi < moment.yaw_rad <= 0 for moment in moments)
-    assert np.sin(moments[2].yaw_rad) == pytest.approx(np.sin(-6e12))
+    assert np.sin(moments[2].yaw_rad) == pytest.approx(np.sin(-6e12), abs=1e-3)
 
 
 def test_one_map_for_each_bracket() -> None:
