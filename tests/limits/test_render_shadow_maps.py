@@ -119,6 +119,23 @@ def test_triangles_without_area_change_nothing(ctx):
     assert np.mean(np.abs(with_lines - good).max(axis=-1) > 1e-5) < 0.02
 
 
+def test_a_mesh_of_a_single_point_casts_nothing(ctx):
+    point = replace(BOX, positions=np.tile(np.float32([0, 0.2, 0]), (len(BOX.positions), 1)))
+    camera = Camera(np.array([1.5, 1.0, 3.0]), np.zeros(3), size_px=(24, 18))
+    light = one_light((-1, 1, 0.5))
+    alone, with_point = (
+        picture_of(ctx, Scene(meshes, GROUND), camera, light) for meshes in ((), (point,))
+    )
+    np.testing.assert_array_equal(with_point, alone)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -1.0])
+def test_light_that_is_no_number_is_refused(bad):
+    for values in ((bad, 1, 1), (0, 1, bad)):
+        with pytest.raises(ValueError, match="finite and at least 0"):
+            one_light((0, 1, 0), values)
+
+
 @pytest.mark.slow
 def test_a_million_triangles(ctx):
     ball = sphere((0.0, 0.5, 0.0), 0.5, WHITE, 500)
