@@ -111,6 +111,8 @@ def sensor_with(sensor: Sensor, response: Response) -> Sensor:
     values = response.curve.values
     return replace(
         sensor,
+        black_dn=0.0,  # where the curve begins and ends, whatever was taken for black and white
+        white_dn=255.0,
         response=values,
         response_deviation=response.curve.deviation,
         saturation=float(values[MOST_COUNT].min()),

@@ -13,7 +13,7 @@ from capture.errors import InputError
 from capture.frame import Bracket, Exposure, Frame
 from capture.manifest import sensor_of, sensor_record
 from capture.merge import merge_bracket
-from capture.sensor import assumed_sensor
+from capture.sensor import Sensor, assumed_sensor
 from tests.calibration.response_scenes import (
     CURVES,
     bracket,
@@ -105,7 +105,8 @@ def test_merging_with_the_estimated_response_comes_close_to_the_known_one():
 
 def test_the_sensor_ends_where_the_patches_did_and_says_where_it_came_from():
     response = estimate_response([bracket("gamma")])
-    sensor = sensor_with(assumed_sensor(np.uint8), response)
+    sensor = sensor_with(Sensor(16.0, 235.0), response)  # of which a curve takes nothing over
+    assert (sensor.black_dn, sensor.white_dn) == (0.0, 255.0)
     assert sensor.saturation == response.curve.values[MOST_COUNT].min()
     assert sensor.source.startswith(f"response estimated (monotone, {response.patch_count} patches")
     read_back = sensor_of(sensor_record(sensor))
