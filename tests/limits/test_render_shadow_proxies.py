@@ -3,8 +3,8 @@
 Setup    : a ball of 64 rings (16,384 triangles) on the ground, drawn with proxies, though it has
            fewer triangles than get them, and without. A point light, and 24 discs of 10°. The ball
            alone, which only its own shadow could darken, at five heights of a point light.
-Expected : the picture is off by at most 0.6 % (relative RMSE) under the point, whose edges are where
-           it is; 0.4 % under the discs; mean light by 0.1 %. On the ball alone no pixel is off by
+Expected : the picture is off by at most 0.6 % (relative RMSE) under the point, at the edge of its
+           shadow; 0.4 % under the discs; mean light by 0.1 %. On the ball alone no pixel is off by
            more than 0.5 % of the irradiance where the light is more than 10° above the face.
 Measured : 0.29 % and 0.14 %, 0.01 %; 0.08 %.
 """
