@@ -15,6 +15,8 @@ import msgspec
 from capture.errors import InputError
 from capture.output import write_json
 
+_CODE = {".py", ".vert", ".frag", ".glsl"}
+
 Result = TypeVar("Result", bound=msgspec.Struct)
 
 
@@ -34,8 +36,9 @@ def code_digest(*folders: Path) -> str:
     """Return what tells versions of the code in these folders, and machines, apart."""
     digest = hashlib.sha256(platform.node().encode())
     for folder in folders:
-        for path in sorted(folder.rglob("*.py")):
-            digest.update(path.read_bytes())
+        for path in sorted(folder.rglob("*")):
+            if path.suffix in _CODE:
+                digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
 

@@ -2,6 +2,7 @@
 
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,6 +14,7 @@ from lighting.light_set import LightSet
 from lighting.maps.environment_files import write_environment
 from lighting.measures import line_chart
 from lighting.measures.chart import Point
+from lighting.measures.known import code_digest
 from render import chart_cli
 from render.chart_cli import chart_render
 from render.measures import chart, growth, truths
@@ -238,6 +240,13 @@ def test_what_is_known_is_not_measured_again():
         opened = painter.opened
         list(chart.measure([other], {"paint": painter}, {"paint": [4]}, known))
         assert painter.opened == opened + 1
+
+
+def test_shaders_are_code_that_results_depend_on(monkeypatch):
+    read = set()
+    monkeypatch.setattr(Path, "read_bytes", lambda path: read.add(path.name) or b"")
+    code_digest.__wrapped__(Path(chart.__file__).parents[1])
+    assert {"chart.py", "shade.frag", "depth.vert", "lights.glsl"} <= read
 
 
 def test_a_way_that_is_too_slow_is_spared_more_lights(monkeypatch):
