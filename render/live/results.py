@@ -140,8 +140,10 @@ class Results:
             trouble = trouble or error
         left_out = f", {self._left_out} left out by a slow disk" if self._left_out else ""
         text = f"Recorded {recording.folder}: {self._written} brackets{left_out}"
-        if trouble is not None:
+        if isinstance(trouble, FishlightError | OSError):
             raise FishlightError(f"{trouble}. {text}; the session goes on") from trouble
+        if trouble is not None:
+            raise trouble
         return text
 
     def _record(self, bracket: Bracket) -> None:
@@ -163,7 +165,7 @@ class Results:
                         bracket.index,
                     )
             self._written += 1
-        except (FishlightError, OSError) as error:
+        except Exception as error:
             self._answer("record", partial(self._end_recording, recording, error))
 
     def _close(self) -> None:

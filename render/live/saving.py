@@ -3,6 +3,7 @@
 Input  : what was seen, and a request.    Output : files that never replace one another.
 """
 
+import traceback
 from collections.abc import Callable
 from pathlib import Path
 
@@ -19,11 +20,17 @@ Say = Callable[[str], None]
 
 
 def answer(desk: Desk, say: Say, request: str, do: Callable[[], str]) -> None:
-    """Tell what `do` returns, or why it could not be done."""
+    """Tell what `do` returns, or why it could not be done.
+
+    Called on threads whose errors nobody hears, so a defect is told as well.
+    """
     try:
         text, is_error = do(), False
     except (FishlightError, OSError) as error:
         text, is_error = f"{request}: {error}", True
+    except Exception:
+        traceback.print_exc()
+        text, is_error = f"{request}: failed by a defect of fishlight; see the terminal", True
     desk.answer(text, is_error=is_error)
     say(text)
 

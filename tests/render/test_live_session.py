@@ -4,6 +4,7 @@ import resource
 import time
 from dataclasses import dataclass, field, replace
 
+import cv2
 import moderngl
 import numpy as np
 import pytest
@@ -306,6 +307,20 @@ def test_a_result_that_cannot_be_written_is_told_and_the_session_goes_on(recordi
     assert desk.notice.is_error
     assert desk.notice.text.startswith("snapshot: ")
     assert said == [desk.notice.text]
+
+
+def test_a_defect_ends_a_recording_with_its_traceback(recording, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(cv2, "imencode", lambda *_: None)
+    desk, said = Desk(Settings(count=5), MODELS), []
+    seen, bracket = run(recording, 1).moments[0].seen, recording.read_bracket(0)
+    desk.ask("record")
+    with results_of(desk, tmp_path / "out", recording, said.append) as results:
+        for number in range(3):
+            results.look_at(replace(bracket, index=number), seen)
+            results._thread.submit(lambda: None).result()
+        assert not desk.is_recording
+    assert "Traceback" in capsys.readouterr().err
+    assert desk.notice.text == "record: failed by a defect of fishlight; see the terminal"
 
 
 def test_a_bracket_that_is_shown_again_is_recorded_once(recording, tmp_path):
