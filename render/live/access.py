@@ -1,7 +1,8 @@
 """Who may talk to the server: requests judged by host, origin and token.
 
 A page of another site, whose scripts run in the same browser, must reach nothing: its Origin is not
-ours, and after DNS rebinding its Host is not. Another user of the machine has no token.
+ours, and after DNS rebinding its Host is not. Another user of the machine has no token, unless a
+browser was started with it (SECURITY.md).
 """
 
 import hmac
