@@ -11,6 +11,7 @@ Measured : plate 0 at every angle; sphere 0.15 % of the pixels at 45°, the wors
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -48,6 +49,20 @@ def test_a_plate_has_no_acne(ctx, elevation_deg):
             # ρ/π · E · cos, with ρ = 1, E = π and cos = sin(elevation).
             error = np.abs(on_top / math.sin(elevation_rad) - 1)
             assert np.count_nonzero(error > 0.01) == 0
+
+
+def test_half_the_offset_would_not_do(ctx, monkeypatch):
+    read = Path.read_text
+
+    def halved(path, **encoding):
+        source = read(path, **encoding)
+        return source.replace("OFFSET_TEXELS = 1.41421356", "OFFSET_TEXELS = 0.70710678")
+
+    monkeypatch.setattr(Path, "read_text", halved)
+    with Renderer(ctx, PLATE, FROM_ABOVE) as renderer:
+        picture = renderer.render(light(math.radians(30), math.radians(33)))
+    error = np.abs(picture[12:-12, 12:-12, 0] / math.sin(math.radians(30)) - 1)
+    assert np.mean(error > 0.01) > 0.1
 
 
 def test_a_face_that_looks_at_the_light_has_no_acne(ctx):
