@@ -1,6 +1,9 @@
 """Pictures that are interrupted and continued: the same as if they had not been."""
 
 import math
+import signal
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -9,6 +12,7 @@ from numpy.testing import assert_array_equal
 from capture.exr import read_exr
 from lighting.light_files import write_lights
 from lighting.maps.environment import EnvironmentMap
+from lighting.maps.environment_files import write_environment
 from render import reference_cli
 from render.reference import accumulation
 from render.reference.accumulation import (
@@ -30,6 +34,22 @@ from render.scenes.default_scene import default_scene
 from tests.render.light_sets import random_lights
 
 FEW = {"spent": Rays(2, 4, 2), "pool_size": 1 << 12, "error": 0.04}
+
+
+KILLED_AT = """
+import os, signal, sys
+from render import reference_cli
+from render.main import main
+
+def die_or_write(path, progress, digest, write=reference_cli.write_checkpoint):
+    if progress.drawn > {last}:
+        os.kill(os.getpid(), signal.SIGKILL)
+    write(path, progress, digest)
+
+reference_cli.KEPT_EVERY_S = -1.0
+reference_cli.write_checkpoint = die_or_write
+main()
+"""
 
 
 class Killed(BaseException):
@@ -180,5 +200,50 @@ def test_the_command_goes_on_and_leaves_only_the_picture(tmp_path, monkeypatch, 
     render(output=output, error=0.5, **arguments)
     assert "goes on from pass 3\n" in capsys.readouterr().out
     assert {path.name for path in tmp_path.iterdir()} == {"lights.json", "p.exr", "whole.exr"}
+    for name, channel in read_exr(output).channels.items():
+        assert_array_equal(channel, read_exr(tmp_path / "whole.exr").channels[name])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("estimator", [None, "mis-power"])
+def test_a_process_killed_at_nine_tenths_goes_on_to_the_same_bits(
+    tmp_path, monkeypatch, capsys, estimator
+):
+    write_environment(tmp_path / "map.exr", lit_map())
+    error = 0.03
+    drawn = []
+    monkeypatch.setattr(reference_cli, "KEPT_EVERY_S", -1.0)
+    write = reference_cli.write_checkpoint
+
+    def count_and_write(path, progress, digest):
+        drawn.append(progress.drawn)
+        write(path, progress, digest)
+
+    monkeypatch.setattr(reference_cli, "write_checkpoint", count_and_write)
+
+    def draw(output):
+        render(
+            reference=True, environment=tmp_path / "map.exr", size="24x18", estimator=estimator,
+            error=error, output=output,
+        )  # fmt: skip
+
+    draw(tmp_path / "whole.exr")
+    last = int(0.9 * drawn[-1])
+    assert 4 < last < drawn[-1]
+
+    output = tmp_path / "p.exr"
+    command = [sys.executable, "-c", KILLED_AT.format(last=last), "render", "--reference"]
+    command += ["--map", str(tmp_path / "map.exr"), "--size", "24x18", "--error", str(error)]
+    command += ["-o", str(output), *(["--estimator", estimator] if estimator else [])]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert ended.returncode == -signal.SIGKILL, ended.stderr
+    assert not output.exists()
+
+    passes = drawn.copy()
+    drawn.clear()
+    capsys.readouterr()
+    draw(output)
+    assert "goes on from pass " in capsys.readouterr().out
+    assert drawn == passes[last:]
     for name, channel in read_exr(output).channels.items():
         assert_array_equal(channel, read_exr(tmp_path / "whole.exr").channels[name])
