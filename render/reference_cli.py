@@ -18,7 +18,7 @@ from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import read_environment
 from render.estimators.passes import estimate_picture
-from render.estimators.registry import UNBIASED
+from render.estimators.registry import PATHS, UNBIASED
 from render.output.pictures import write_picture
 from render.rays.background import look_up, map_coordinates, picture_rays
 from render.reference.accumulation import Progress, nothing_yet
@@ -62,6 +62,7 @@ def trace_picture(
     estimator: str | None,
     error: float | None,
     seconds: float | None,
+    bounces: int | None,
 ) -> ReferencePicture:
     """Return the reference picture, or that of an estimator, and show how far it is.
 
@@ -71,17 +72,20 @@ def trace_picture(
     Raises
     ------
     InputError
-        If the error or the time is not positive, there is no such estimator, or nothing can be
-        written beside the output.
+        If the error or the time is not positive, there is no such estimator or it does not follow
+        light so far, or nothing can be written beside the output.
     """
     for flag, limit in (("--error", error), ("--seconds", seconds)):
         if limit is not None and not 0 < limit < math.inf:
             raise InputError(f"{flag} must be above 0, got {limit}")
     if error is None:
         error = DEFAULT_ERROR if seconds is None else 0.0
+    if bounces is not None and estimator is None:
+        estimator = PATHS
+    light_meets = 1 if bounces is None else bounces
     limit_s = math.inf if seconds is None else seconds
     place = checkpoint_of(output)
-    digest = digest_of(version("fishlight"), scene, camera, light, estimator)
+    digest = digest_of(version("fishlight"), scene, camera, light, estimator, light_meets)
     known = read_checkpoint(place, digest)
     if known is None:
         known = nothing_yet(camera.size_px)
@@ -102,7 +106,11 @@ def trace_picture(
                 done = 1.0
             bar.update(shown, completed=done, description=_how_far(now))
 
-        render = render_reference if estimator is None else partial(estimate_picture, estimator)
+        render = (
+            render_reference
+            if estimator is None
+            else partial(estimate_picture, estimator, bounces=light_meets)
+        )
         return render(
             scene, camera, light, error=error, seconds=limit_s, progress=known,
             on_pass=keep_and_show,

@@ -49,6 +49,7 @@ def render(
     environment: Annotated[Path | None, Parameter(name="--map")] = None,
     error: float | None = None,
     seconds: float | None = None,
+    bounces: int | None = None,
     ao: bool = False,
     cone_deg: float | None = None,
     max_distance_m: float | None = None,
@@ -86,6 +87,9 @@ def render(
         Relative error of the picture to trace until, 0.01 unless --seconds are given.
     seconds
         Time to trace for.
+    bounces
+        How many surfaces light may meet on its way to the eye, 1 for direct light: paths are
+        traced, in place of the way that was found to be best for direct light.
     ao
         Draw ambient occlusion alone: how open the sky is over each point. Needs no light.
     cone_deg
@@ -111,7 +115,7 @@ def render(
     if reference:
         light, about = read_light(lights, environment)
         scene, camera = scene_to_render(mesh, size_px)
-        traced = trace_picture(output, scene, camera, light, estimator, error, seconds)
+        traced = trace_picture(output, scene, camera, light, estimator, error, seconds, bounces)
         if behind is not None:
             put_in_front(traced, behind, camera)
         ev = auto_exposure_ev(traced.radiance) if fixed_ev is None else fixed_ev
@@ -120,10 +124,11 @@ def render(
         about += f", passes {traced.passes}, error {traced.relative_error:.2%}"
         about += remark_on(estimator)
     elif lights is None or any(
-        each is not None for each in (environment, estimator, error, seconds)
+        each is not None for each in (environment, estimator, error, seconds, bounces)
     ):
         raise InputError(
-            "give --lights; --map, --estimator, --error and --seconds are for --reference"
+            "give --lights; --map, --estimator, --error, --seconds and --bounces are for "
+            "--reference"
         )
     else:
         light_set = read_lights(lights)

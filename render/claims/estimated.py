@@ -74,8 +74,8 @@ def spreads(environment: EnvironmentMap, wanted: Sequence[tuple[str, int]]) -> l
     """Return what estimators with numbers of samples show of the surfaces of the default scene."""
     upper = environment.radiance.copy()
     upper[(environment.height + 1) // 2 :] = 0.0  # the ground keeps it off
-    with _surfaces() as (surfaces, shadows):
-        setting = Setting(replace(environment, radiance=upper), shadows)
+    with _surfaces() as (surfaces, shadows, tables):
+        setting = Setting(replace(environment, radiance=upper), shadows, tables)
         return [_spread(name, setting, surfaces, samples) for name, samples in wanted]
 
 
@@ -94,7 +94,7 @@ def _spread(name: str, setting: Setting, surfaces: Floats, samples: int) -> Spre
 
 
 @contextmanager
-def _surfaces() -> Iterator[tuple[Floats, Shadows]]:
+def _surfaces() -> Iterator[tuple[Floats, Shadows, Tables]]:
     """Give the surfaces (P, FIELDS, 16) at the middles of pixels, and what keeps light off them."""
     scene, camera = default_scene(SIZE_PX)
     tables = scene_tables(scene)
@@ -104,7 +104,8 @@ def _surfaces() -> Iterator[tuple[Floats, Shadows]]:
     with Occluders(tables.positions, tables.faces) as occluders:
         toward = np.ascontiguousarray(rays, np.float32)
         _see(intersect16_address(), occluders.address, tables, eye, toward, surfaces)
-        yield surfaces, Shadows(occluded16_address(), occluders.address, tables.sphere, 0.0)
+        shadows = Shadows(occluded16_address(), occluders.address, tables.sphere, 0.0)
+        yield surfaces, shadows, tables
 
 
 @njit(cache=True, nogil=True)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.maps.environment import EnvironmentMap
+from render.reference.surfaces import Tables
 
 Floats = NDArray[np.float32]
 
@@ -46,10 +47,16 @@ class Setting(NamedTuple):
     environment : EnvironmentMap
         All light; black where a ground keeps it off.
     shadows : Shadows
+    scene : Tables
+        What surfaces look like that rays may meet.
+    bounces : int
+        Surfaces that light may meet on its way to the eye; above 1 for `paths` alone.
     """
 
     environment: EnvironmentMap
     shadows: Shadows
+    scene: Tables
+    bounces: int = 1
 
 
 Estimate = Callable[[Floats, int, int, Floats], int]

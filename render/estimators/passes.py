@@ -21,7 +21,7 @@ from capture.errors import InputError
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from render.estimators.contract import Estimate, Floats, Setting, Shadows
-from render.estimators.registry import ESTIMATORS
+from render.estimators.registry import ESTIMATORS, PATHS
 from render.lights.light_map import map_of_lights
 from render.rays.embree import (
     PACKET,
@@ -55,6 +55,7 @@ def estimate_picture(
     error: float = 0.01,
     seconds: float = math.inf,
     samples: int = SAMPLES,
+    bounces: int = 1,
     seed: int = 0,
     progress: Progress | None = None,
     on_pass: Callable[[Progress], None] | None = None,
@@ -70,14 +71,16 @@ def estimate_picture(
         A key of `ESTIMATORS`.
     samples : int
         Directions drawn for each of four points of a pixel in a pass; later passes may draw more.
+    bounces : int
+        Surfaces that light may meet: 1 for direct light, more for `registry.PATHS` alone.
 
     Raises
     ------
     InputError
-        If there is no such estimator.
+        If there is no such estimator, or it does not follow light to so many surfaces.
     """
     progress = nothing_yet(camera.size_px) if progress is None else progress
-    with passes_of(name, scene, camera, light, samples=samples, seed=seed) as add:
+    with passes_of(name, scene, camera, light, samples=samples, bounces=bounces, seed=seed) as add:
         accumulate(
             add, progress, error=error, seconds=seconds, most_factor=_MOST_FACTOR, on_pass=on_pass
         )
@@ -92,11 +95,17 @@ def passes_of(
     light: EnvironmentMap | LightSet,
     *,
     samples: int = SAMPLES,
+    bounces: int = 1,
     seed: int = 0,
 ) -> Iterator[AddPass]:
     """Give what adds passes by an estimator, for `accumulate`; parameters as `estimate_picture`."""
     if name not in ESTIMATORS:
         raise InputError(f"no estimator is called {name!r}; there are: {', '.join(ESTIMATORS)}")
+    if bounces < 1 or (bounces > 1 and name != PATHS):
+        raise InputError(
+            f"light meets 1 surface, or as many as it should with the estimator {PATHS!r}; "
+            f"got {bounces} with {name!r}"
+        )
     tables = scene_tables(scene)
     environment = map_of_lights(light, _LIGHT_ROWS) if isinstance(light, LightSet) else light
     lowest = -2.0
@@ -106,7 +115,7 @@ def passes_of(
     view = view_of(camera)
     with Occluders(tables.positions, tables.faces, is_watertight=False) as occluders:
         shadows = Shadows(occluded16_address(), occluders.address, tables.sphere, lowest)
-        estimate = ESTIMATORS[name](Setting(environment, shadows))
+        estimate = ESTIMATORS[name](Setting(environment, shadows, tables, bounces))
 
         def add(number: int, factor: int, sums: Sums) -> None:
             each = int(np.random.default_rng([seed, number]).integers(1 << 62))

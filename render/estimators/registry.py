@@ -10,10 +10,14 @@ from render.estimators.environment_sampling import inverse_cdf, strata
 from render.estimators.fixed_lights import fixed_lights
 from render.estimators.irradiance_cache import irradiance_cache
 from render.estimators.multiple_importance import BALANCE, POWER, multiple_importance
+from render.estimators.paths import paths
 from render.estimators.points import hammersley, independent, net
 from render.estimators.resampling import rejection, resampling
 from render.estimators.shared_product import shared_product
 from render.estimators.wavelet import wavelet
+
+PATHS = "paths"
+"""The only one that follows light from surface to surface."""
 
 _UNBIASED: Mapping[str, Prepare] = {
     "cosine": cosine,
@@ -34,6 +38,7 @@ _UNBIASED: Mapping[str, Prepare] = {
     "wavelet-hammersley": partial(wavelet, point_set=hammersley),
     "wavelet-random": partial(wavelet, point_set=independent),
     "shared-product": shared_product,
+    PATHS: paths,
 }
 
 _BIASED: Mapping[str, Prepare] = {

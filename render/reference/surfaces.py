@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from capture.sensor import srgb_decode
-from render.rays.embree import PACKET, coherent16
+from render.rays.embree import PACKET, coherent16, intersect16
 from render.scenes.scene import Material, Mesh, Scene
 
 Floats = NDArray[np.float32]
@@ -142,16 +142,44 @@ def find_surfaces(
 
     Rows 0 to 2 and 4 to 6 of `rays` are given, and `valid`; the rest is overwritten.
     """
-    geometry, face = rays[18].view(np.int32), rays[17].view(np.int32)
+    _aim(tables, rays)
+    coherent16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
+    _set_found(tables, rays, valid, out)
+
+
+@njit(nogil=True)
+def find_surfaces_apart(
+    function: int,
+    scene: int,
+    tables: Tables,
+    rays: Floats,
+    valid: NDArray[np.int32],
+    out: Floats,
+) -> None:  # pragma: no cover - compiled
+    """Do what `find_surfaces` does, faster for rays that run apart."""
+    _aim(tables, rays)
+    intersect16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
+    _set_found(tables, rays, valid, out)
+
+
+@njit(nogil=True)
+def _aim(tables: Tables, rays: Floats) -> None:  # pragma: no cover - compiled
+    """Let rays end at the ground."""
+    geometry = rays[18].view(np.int32)
     for i in range(PACKET):
         rays[3, i] = 0
         rays[8, i] = _to_ground(tables.ground, rays, i)
         geometry[i] = -1
-        out[HIT, i] = np.float32(valid[i] != 0 and rays[8, i] < FAR_M)
-    coherent16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
+
+
+@njit(nogil=True)
+def _set_found(
+    tables: Tables, rays: Floats, valid: NDArray[np.int32], out: Floats
+) -> None:  # pragma: no cover - compiled
+    geometry, face = rays[18].view(np.int32), rays[17].view(np.int32)
     for i in range(PACKET):
+        out[HIT, i] = np.float32(valid[i] != 0 and rays[8, i] < FAR_M)
         if valid[i] and geometry[i] != -1:
-            out[HIT, i] = 1
             _set_on_mesh(tables, face[i], rays, i, out)
         elif out[HIT, i] > 0:
             _set_on_ground(tables.ground, rays, i, out)

@@ -21,8 +21,9 @@ from render.reference.surfaces import (
     NORMAL,
     ORIGIN,
     TO_EYE,
+    scene_tables,
 )
-from render.scenes.scene import Material
+from render.scenes.scene import Material, Scene
 from tests.render.boxes import box
 from tests.render.brute_force import reflectance
 
@@ -74,11 +75,12 @@ def occluders():
     return Occluders(mesh.positions, mesh.faces)
 
 
-def setting(light, held):
+def setting(light, held, bounces=1):
     """Return the setting of a map among `occluders`, without a ground."""
     centre = 0.5 * (LOW + HIGH)
     sphere = np.array([*centre, 1.001 * np.linalg.norm(HIGH - centre)], np.float32)
-    return Setting(light, Shadows(occluded16_address(), held.address, sphere, -2.0))
+    shadows = Shadows(occluded16_address(), held.address, sphere, -2.0)
+    return Setting(light, shadows, scene_tables(Scene((box(LOW, HIGH),), None)), bounces)
 
 
 def brute_force(light, surface, per_side=16):
