@@ -5,6 +5,8 @@ maps, the G-buffer and the picture are drawn anew, streamed as a session would. 
 takes from one to the next; where the processor draws, its CPU time. Parts are by the device's clock
 and, issued, by the thread's. Accuracy is the relative RMSE against the traced reference under the
 same lights. The system names the device.
+
+Maps of large casters are drawn from proxies: what they save and what it takes to make them.
 """
 
 import math
@@ -20,9 +22,13 @@ import numpy as np
 from lighting.light_set import LightSet
 from render.opengl.context import create_context, describe, is_software
 from render.opengl.picture_stream import PictureStream, StreamedPicture
-from render.opengl.renderer import Renderer
+from render.opengl.renderer import LARGEST_MAP_PX, Renderer, as_maps_see
+from render.opengl.shadows import ATLAS_SIDE_PX, ShadowAtlas
 from render.reference.tracing import render_reference
-from render.scenes.default_scene import default_scene
+from render.scenes.casters import gather_casters
+from render.scenes.default_scene import default_scene, sphere
+from render.scenes.scene import Material
+from render.scenes.shadow_proxies import shadow_proxy
 from tests.render.light_sets import random_lights
 
 _RADIUS_RAD = math.radians(10)
@@ -38,6 +44,7 @@ def run(repeats: int) -> list[dict[str, Any]]:
             *_everything_moves(context, (640, 480), 64, 24, repeats, frame_rate_hz=10.0),
             *_everything_moves(context, (1920, 1080), 128, 48, max(repeats // 5, 3)),
             *_soft(context),
+            *_proxies(context, repeats),
         ]
 
 
@@ -121,6 +128,37 @@ def _soft(context: moderngl.Context) -> Iterator[dict[str, Any]]:
                 "ms": ms,
                 "ratio": None,
                 "accuracy": {"rel. RMSE": error},
+            }
+
+
+def _proxies(context: moderngl.Context, repeats: int) -> Iterator[dict[str, Any]]:
+    directions = _discs(64, seed=0).directions
+    clock = time.process_time if is_software(context) else time.perf_counter
+    shadow_proxy(gather_casters([sphere((0.0, 0.5, 0.0), 0.5, Material(), 8)]), 0.1)  # compiles
+    for rings in (140, 500):
+        full = gather_casters([sphere((0.0, 0.5, 0.0), 0.5, Material(), rings)])
+        start = time.process_time()
+        proxy = as_maps_see(full, LARGEST_MAP_PX)
+        made_s = time.process_time() - start
+        for name, casters, extra in (
+            ("all triangles", full, {}),
+            ("proxies", proxy, {"made in, s": made_s}),
+        ):
+            atlas = ShadowAtlas(context, casters, ATLAS_SIDE_PX, LARGEST_MAP_PX)
+            times_s = []
+            for k in range(1 + max(repeats // 10, 2)):
+                start = clock()
+                atlas.draw(_turned(directions, k * _STEP_RAD))
+                context.finish()
+                times_s.append(clock() - start)
+            atlas.release()
+            yield {
+                "stage": "opengl",
+                "case": f"64 shadow maps of a ball of {len(full.closed_faces):,} triangles",
+                "system": name,
+                "ms": 1e3 * min(times_s[1:]),
+                "ratio": None,
+                "accuracy": {"triangles": len(casters.closed_faces), **extra},
             }
 
 
