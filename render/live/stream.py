@@ -7,7 +7,8 @@ A message is one object:
     time_s      moment of the bracket on the sender's clock, as in `lights`; never falls
     age_s       seconds from then until this was sent
     stale       true if nothing newer can be had: the camera is away, or the session has ended
-    valid       false if there is nothing to go by: no light yet, all clipped, or all dark
+    valid       false if there is nothing to go by: no light yet, no camera or calibration (one that
+                is away for a moment leaves its last lights valid), all clipped, or all dark
     state       "running", "away", "clipped", "dark", "ended", … (render/live/desk.py)
     sources     of a blend: name, place_m, weight, state and age_s of each; else empty
     lights      null before the first; else the object of lights.json (lighting/light_files.py)
