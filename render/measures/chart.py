@@ -43,8 +43,8 @@ RMSE, FLIP, MS = "relative RMSE", "FLIP", "ms"
 WORST = "relative RMSE, worst"
 SETTINGS_RMSE, SETTINGS_FLIP = "relative RMSE, settings", "FLIP, settings"
 
-_FRAMES, _LEAST_FRAMES = 5, 2
-_ENOUGH_S = 1.5
+_FRAMES, _LEAST_FRAMES = 4, 2
+_ENOUGH_S = 1.0
 """Of frames; the least of them is taken."""
 _SLOW_S = 2.0
 """A way that takes longer for a frame is not tried with more lights."""

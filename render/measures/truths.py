@@ -20,7 +20,7 @@ from render.scenes.scene import Camera, Scene
 ERROR = 0.01
 """Relative error that a truth is traced to: it is known, and taken off."""
 
-MOST_SECONDS = 30.0
+MOST_SECONDS = 20.0
 """Time after which it is good enough."""
 
 _CODE = Path(__file__).parents[1] / "reference"

@@ -224,7 +224,7 @@ def test_a_way_is_opened_once_and_each_count_drawn_and_timed():
     rows = list(chart.measure([case()], {"paint": painter}, {"paint": [4, 8]}, {}))
     assert (painter.opened, painter.closed) == (1, 1)
     lights = {row.lights for row in rows}
-    assert {(count, frame) for count in lights for frame in range(5)} == set(painter.frames)
+    assert {(count, frame) for count in lights for frame in range(4)} == set(painter.frames)
     assert [row.rmse for row in rows] == pytest.approx([0.25, 0.25])
     assert all(0 < row.flip < 1 and row.ms > 0 and row.setup_ms > 0 for row in rows)
 
