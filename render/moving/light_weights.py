@@ -104,11 +104,14 @@ def weigh_glossy(
 
 @njit(nogil=True, fastmath=LOOSE, error_model="numpy")
 def weighed_sum(
-    weights: _FLOATS, start: int, stop: int, shares: _FLOATS, i: int
+    weights: _FLOATS, start: int, shares: NDArray[Any]
 ) -> tuple[Any, ...]:  # pragma: no cover - compiled
-    """Return Σ weight × share of lights from `start` to `stop`, (3,), of pixel `i`."""
+    """Return Σ weight × share (3,) of the lights from `start` on that there are shares of."""
     r = g = b = np.float32(0)
-    for k in range(np.uint64(start), np.uint64(stop)):
-        share = shares[i, k]
-        r, g, b = r + share * weights[0, k], g + share * weights[1, k], b + share * weights[2, k]
+    light = np.uint64(start)
+    for k in range(np.uint64(len(shares))):
+        share = np.float32(shares[k])
+        r += share * weights[0, light + k]
+        g += share * weights[1, light + k]
+        b += share * weights[2, light + k]
     return r, g, b

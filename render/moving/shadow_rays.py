@@ -14,15 +14,31 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from render.rays.embree import PACKET, coherent16, packet
-from render.rays.first_hits import FACE_NORMAL, FIELDS, KIND, LANES, NORMAL, NOTHING, POSITION, SIDE
+from render.rays.first_hits import (
+    FACE_NORMAL,
+    FIELDS,
+    KIND,
+    LANES,
+    NORMAL,
+    NOTHING,
+    POSITION,
+    SIDE,
+)
 
 _FLOATS = NDArray[np.float32]
+_BYTES = NDArray[np.uint8]
 _FAR_M = np.float32(1e30)
 LOOSE = {"contract", "reassoc", "nnan", "ninf", "nsz", "arcp"}
 """Freedoms of arithmetic under which loops and sums are vectorised; nothing here is NaN."""
 
 POINTS = 16
 """Points of a disc that neighbouring pixels take turns in."""
+
+ALL_PASSES = 240
+"""What stands for all of a light in bytes: a multiple of 8, so that means of tiles are whole."""
+
+UNKNOWN = 255
+"""What stands, instead, for a light that nobody on a pixel's surface has sent rays to."""
 
 # Which point is whose turn, in squares of 4 × 4 pixels: along a Z, so that the points of each
 # square of 2 × 2 are spread over the disc, and those of all 16.
@@ -43,12 +59,14 @@ def trace_lights(
     surfaces: _FLOATS,
     lights: _FLOATS,
     points: _FLOATS,
-    ray_count: NDArray[np.int64],
-    key_count: int,
+    key_rays: NDArray[np.int64],
+    is_narrow: NDArray[np.bool_],
     side: int,
-    visible: _FLOATS,
+    is_staggered: bool,
+    keys: _FLOATS,
+    shared: _BYTES,
 ) -> None:  # pragma: no cover - compiled
-    """Fill `visible` (rows, LANES, columns, slots): the share of each pixel's rays that pass.
+    """Fill `keys` and `shared` with the share of each pixel's rays that pass.
 
     Parameters
     ----------
@@ -63,16 +81,23 @@ def trace_lights(
         First the key lights, then those of each turn, as many in every turn.
     points : (K, S, 3) float32
         Directions, spread over each light's disc; multiples of POINTS are used of them.
-    ray_count : (K,) int64
-        Rays of a pixel to each; none to one without power.
-    key_count : int
+    key_rays : (J,) int64
+        Rays of a pixel to each key light.
+    is_narrow : (J,) bool
+        Whether sixteen pixels that agree on a key light by one ray each send no others to it.
     side : int
         n: 1, 2 or 4.
+    is_staggered : bool
+        Whether only every second tile sends rays to lights that are not key lights.
+    keys : (rows, LANES, J, columns) float32
+        Of the key lights.
+    shared : (rows, LANES, columns, slots) uint8
+        Of the lights whose turn a pixel is, in parts of `ALL_PASSES`.
     """
     for square in prange((surfaces.shape[0] - 2) // SIDE):
         _trace_row(
             function, scene, sphere, np.float32(offset_m), surfaces, lights, points,
-            ray_count, key_count, side, 1 + SIDE * square, visible,
+            key_rays, is_narrow, side, is_staggered, 1 + SIDE * square, keys, shared,
         )  # fmt: skip
 
 
@@ -85,46 +110,64 @@ def _trace_row(
     surfaces: _FLOATS,
     lights: _FLOATS,
     points: _FLOATS,
-    ray_count: NDArray[np.int64],
-    key_count: int,
+    key_rays: NDArray[np.int64],
+    is_narrow: NDArray[np.bool_],
     side: int,
+    is_staggered: bool,
     row: int,
-    visible: _FLOATS,
+    keys: _FLOATS,
+    shared: _BYTES,
 ) -> None:  # pragma: no cover - compiled
     rays, valid = packet()
     part = np.empty((FIELDS, PACKET), np.float32)
     share = np.empty(PACKET, np.float32)
-    per_turn = visible.shape[3] - key_count
+    key_count, per_turn = keys.shape[2], shared.shape[3]
     for lane in range(LANES):
         x, y = lane % SIDE, SIDE * row + lane // SIDE
         turn = y % side * side + x % side
         for first in range(1, surfaces.shape[3] - 1, SIDE):
-            if not _load_square(surfaces, row, lane, first, part):
+            if key_count == 0 or not _load_tiles(surfaces, row, lane, first, 1, part):
                 continue
             _start(part, offset_m, rays)
-            for slot in range(visible.shape[3]):
-                is_key = slot < key_count
-                light = slot if is_key else slot + per_turn * turn
-                step = 1 if is_key else side
+            for light in range(key_count):
                 share[:] = 0
-                for ray in range(ray_count[light]):
-                    _aim(
-                        points,
-                        light,
-                        ray,
-                        ray_count[light],
-                        (SIDE * first + x) // step,
-                        y // step,
-                        SIDE // step,
-                        rays,
-                    )
+                count = key_rays[light]
+                for ray in range(count):
+                    _aim(points, light, ray, count, SIDE * first + x, y, SIDE, rays)
                     if _select(part, sphere, lights, light, rays, valid):
                         coherent16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
-                    for i in range(np.uint64(part.shape[1])):
+                    blocked = 0
+                    for i in range(np.uint64(PACKET)):
                         share[i] += np.float32(rays[8, i] > 0)
-                scale = np.float32(1) / np.float32(max(ray_count[light], 1))
+                        blocked += rays[8, i] < 0
+                    if ray == 0 and is_narrow[light] and blocked % PACKET == 0:
+                        for i in range(PACKET):
+                            share[i] *= count
+                        break
                 for i in range(PACKET):
-                    visible[row + i // SIDE, lane, first + i % SIDE, slot] = scale * share[i]
+                    keys[row + i // SIDE, lane, light, first + i % SIDE] = share[i] / count
+        apart = 2 if is_staggered else 1
+        for first in range(1, surfaces.shape[3] - 1, apart * SIDE):
+            if not _load_tiles(surfaces, row, lane, first, apart, part):
+                continue
+            _start(part, offset_m, rays)
+            column = (SIDE * (first // apart) + x) // side
+            for slot in range(per_turn):
+                light = key_count + slot + per_turn * turn
+                _aim(points, light, 0, 1, column, y // side, SIDE // side, rays)
+                if _select(part, sphere, lights, light, rays, valid):
+                    coherent16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
+                for i in range(PACKET):
+                    passes = np.uint8(ALL_PASSES * (rays[8, i] > 0))
+                    down, right = tile_of(i, apart)
+                    shared[row + down, lane, first + right, slot] = passes
+
+
+@njit(nogil=True, error_model="numpy")
+def tile_of(i: int, apart: int) -> tuple[int, int]:  # pragma: no cover - compiled
+    """Return the row and column, in 4 × 4 or staggered 4 × 8 tiles, of a packet's pixel."""
+    down = i // SIDE
+    return down, apart * (i % SIDE) + (apart - 1) * (down % 2)
 
 
 @njit(nogil=True, error_model="numpy")
@@ -151,20 +194,23 @@ def _aim(
 
 
 @njit(nogil=True, error_model="numpy")
-def _load_square(
-    surfaces: _FLOATS, row: int, lane: int, first: int, part: _FLOATS
+def _load_tiles(
+    surfaces: _FLOATS, row: int, lane: int, first: int, apart: int, part: _FLOATS
 ) -> bool:  # pragma: no cover - compiled
-    """Copy the surfaces of a lane's pixels in 4 × 4 tiles; return whether there is one."""
+    """Copy the surfaces of a lane's pixels in 16 tiles; return whether there is one."""
     some = np.float32(0)
     for i in range(PACKET):
-        some = max(some, surfaces[row + i // SIDE, lane, KIND, first + i % SIDE])
+        down, right = tile_of(i, apart)
+        some = max(some, surfaces[row + down, lane, KIND, first + right])
     if some == NOTHING:
         return False
     for field in range(FACE_NORMAL + 3):
         for i in range(PACKET):
-            part[field, i] = surfaces[row + i // SIDE, lane, field, first + i % SIDE]
+            down, right = tile_of(i, apart)
+            part[field, i] = surfaces[row + down, lane, field, first + right]
     for i in range(PACKET):
-        part[KIND, i] = surfaces[row + i // SIDE, lane, KIND, first + i % SIDE]
+        down, right = tile_of(i, apart)
+        part[KIND, i] = surfaces[row + down, lane, KIND, first + right]
     return True
 
 

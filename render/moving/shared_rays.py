@@ -2,7 +2,8 @@
 
 Light without shadows is summed exactly at every pixel. What is estimated is only its share that
 gets through: for the strongest lights by rays from every pixel, for all others by one ray from one
-pixel of sixteen, whose neighbours on the same surface take over what it saw.
+pixel of sixteen, whose neighbours on the same surface take over what it saw. Wide lights, whose
+shadows have no edges, get half as many.
 
 Input  : surfaces, as `first_hits` finds them; discs of light.    Output : radiance.
 Cost   : see shadow_rays.py and shaded_light.py.
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 
 from lighting.maps.environment import LUMINANCE_WEIGHTS
 from render.lights.discs import irradiance_curves
-from render.moving.neighbours import soften
+from render.moving.open_ground import open_ground
 from render.moving.shaded_light import add_lights
 from render.moving.shadow_rays import (
     CURVE,
@@ -31,6 +32,7 @@ from render.moving.shadow_rays import (
     WIDTH,
     trace_lights,
 )
+from render.moving.softening import soften
 from render.rays.disc_net import disc_net
 from render.rays.embree import occluded16_address
 from render.rays.first_hits import LANES
@@ -61,7 +63,8 @@ class Effort:
     soft_rad : float
         Radius from which on the penumbra of a key light is averaged over 4 × 4 pixels, being wider.
     is_softened : bool
-        Whether what rays to the other lights saw is averaged over nine of them, if any is wide.
+        Whether, if any other light is wide, every second tile of 4 × 4 pixels sends rays to them,
+        and all take the mean of what their neighbours saw.
     """
 
     interleaving: int = 4
@@ -110,8 +113,8 @@ class SharedRays:
 
     def __init__(self, effort: Effort) -> None:
         self._effort = effort
-        self._visible = np.zeros((0, 0, 0, 0), np.float32)
-        self._softened = self._visible
+        self._keys = np.zeros((0, 0, 0, 0), np.float32)
+        self._shared = self._softened = np.zeros((0, 0, 0, 0), np.uint8)
 
     def add(
         self,
@@ -147,32 +150,38 @@ class SharedRays:
         side, key_rays = self._effort.interleaving, self._effort.key_rays
         per_turn, chosen = take_turns(len(lights), keys, side)
         table = np.take(_light_table(lights), chosen, axis=1)
-        ray_count = np.ones(len(chosen), np.int64)
-        ray_count[chosen < 0] = 0
         table[IRRADIANCE : MIRRORED + 3, chosen < 0] = 0.0
-        ray_count[:keys][lights.radius_rad[:keys] >= _POINT_RAD] = key_rays
+        radius_rad = lights.radius_rad[:keys]
+        ray_count = np.where(radius_rad >= _POINT_RAD, key_rays, 1)
+        is_soft = radius_rad >= self._effort.soft_rad
         net = disc_net(lights.directions, lights.radius_rad, POINTS * key_rays)
         net[keys:, :POINTS] = disc_net(lights.directions[keys:], lights.radius_rad[keys:], POINTS)
         points = net.astype(np.float32)[chosen]
-
-        rows, _, _, columns = surfaces.shape
-        shape = rows, LANES, columns, keys + per_turn
-        if self._visible.shape != shape:
-            self._visible = np.zeros(shape, np.float32)
-            self._softened = np.zeros(shape, np.float32)
-        tracing = (
-            occluded16_address(), traced.address, traced.sphere, traced.offset_m, surfaces,
+        self._make_room(surfaces, keys, per_turn)
+        is_wide = bool(np.any(lights.radius_rad[keys:] >= _WIDE_RAD))
+        is_staggered = self._effort.is_softened and is_wide
+        function, seen_from = occluded16_address(), eye.astype(np.float32)
+        trace_lights(
+            function, traced.address, traced.sphere, traced.offset_m, surfaces, table, points,
+            ray_count, ~is_soft, side, is_staggered, self._keys, self._shared,
         )  # fmt: skip
-        trace_lights(*tracing, table, points, ray_count, keys, side, self._visible)
-        visible, seen_from = self._visible, eye.astype(np.float32)
-        if self._effort.is_softened and np.any(lights.radius_rad[keys:] >= _WIDE_RAD):
-            soften(surfaces, visible, keys, seen_from, pixel_rad, self._softened)
-            visible = self._softened
-        is_soft = lights.radius_rad[:keys] >= self._effort.soft_rad
+        is_open, shared = open_ground(surfaces), self._shared
+        if is_staggered:
+            soften(surfaces, is_open, shared, seen_from, pixel_rad, self._softened)
+            shared = self._softened
         add_lights(
-            *tracing, visible, table, points, is_soft, keys, side, seen_from, pixel_rad,
-            rough_alpha2, picture,
+            function, traced.address, traced.offset_m, surfaces, is_open, self._keys, shared,
+            table, points, is_soft, side, seen_from, pixel_rad, rough_alpha2, picture,
         )  # fmt: skip
+
+    def _make_room(self, surfaces: _FLOATS, keys: int, per_turn: int) -> None:
+        """Have memory for what rays see of `keys` lights, and of others in turn."""
+        rows, _, _, columns = surfaces.shape
+        if self._keys.shape != (rows, LANES, keys, columns):
+            self._keys = np.zeros((rows, LANES, keys, columns), np.float32)
+        if self._shared.shape != (rows, LANES, columns, per_turn):
+            self._shared = np.zeros((rows, LANES, columns, per_turn), np.uint8)
+            self._softened = np.zeros_like(self._shared)
 
 
 def take_turns(count: int, keys: int, side: int) -> tuple[int, NDArray[np.int64]]:

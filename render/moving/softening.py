@@ -1,0 +1,111 @@
+"""What rays to wide lights saw, averaged over tiles: one ray to a wide disc tells little.
+
+Only every second tile has sent rays, as the white squares of a chess board. It and its four
+diagonal neighbours make one mean, and the four beside a black one another.
+
+Cost   : about 30 ns a pixel and 64 lights.
+"""
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from render.moving.neighbours import compare, load_packet
+from render.moving.shadow_rays import LOOSE, UNKNOWN
+from render.rays.embree import PACKET
+from render.rays.first_hits import FIELDS, LANES, SIDE
+
+_FLOATS = NDArray[np.float32]
+_BYTES = NDArray[np.uint8]
+_FLAGS = NDArray[np.bool_]
+_WEIGHTS = np.array([1, 2, 1, 2, 4, 2, 1, 2, 1], np.float32)
+
+
+@njit(cache=True, nogil=True, parallel=True, error_model="numpy")
+def soften(
+    surfaces: _FLOATS,
+    is_open: _FLAGS,
+    shared: _BYTES,
+    eye: _FLOATS,
+    pixel_rad: float,
+    softened: _BYTES,
+) -> None:  # pragma: no cover - compiled
+    """Fill `softened` with means of `shared` over like pixels of a lane; UNKNOWN without any."""
+    for row in prange(1, surfaces.shape[0] - 1):
+        _soften_row(surfaces, is_open, shared, eye, np.float32(pixel_rad), row, softened)
+
+
+@njit(nogil=True, error_model="numpy")
+def _soften_row(
+    surfaces: _FLOATS,
+    is_open: _FLAGS,
+    shared: _BYTES,
+    eye: _FLOATS,
+    pixel_rad: np.float32,
+    row: int,
+    softened: _BYTES,
+) -> None:  # pragma: no cover - compiled
+    part = np.empty((FIELDS, PACKET), np.float32)
+    like = np.empty((9, PACKET), np.float32)
+    total = np.empty(shared.shape[3], np.float32)
+    for lane in range(LANES):
+        x, y = lane % SIDE - SIDE, lane // SIDE - SIDE
+        for first in range(1, surfaces.shape[3] - 1, PACKET):
+            if is_open[row, first : first + PACKET].all():
+                _average_on_ground(shared, row, lane, first, softened)
+            elif load_packet(surfaces[row], lane, first, part):
+                compare(surfaces, row, x, y, SIDE, 3, first, pixel_rad, eye, part, like)
+                _average(shared, row, lane, first, like, total, softened)
+
+
+@njit(nogil=True, error_model="numpy")
+def _average_on_ground(
+    shared: _BYTES, row: int, lane: int, first: int, softened: _BYTES
+) -> None:  # pragma: no cover - compiled
+    """Set a packet of `softened` to the weighted means of tiles."""
+    for i in range(PACKET):
+        at = first + i
+        own = (row + at) % 2 == 0
+        for slot in range(np.uint64(shared.shape[3])):
+            if own:
+                around = (
+                    np.int32(shared[row - 1, lane, at - 1, slot])
+                    + shared[row - 1, lane, at + 1, slot]
+                    + shared[row + 1, lane, at - 1, slot]
+                    + shared[row + 1, lane, at + 1, slot]
+                )
+                softened[row, lane, at, slot] = (around + 4 * shared[row, lane, at, slot]) >> 3
+            else:
+                around = (
+                    np.int32(shared[row - 1, lane, at, slot])
+                    + shared[row + 1, lane, at, slot]
+                    + shared[row, lane, at - 1, slot]
+                    + shared[row, lane, at + 1, slot]
+                )
+                softened[row, lane, at, slot] = around >> 2
+
+
+@njit(nogil=True, fastmath=LOOSE, error_model="numpy")
+def _average(
+    shared: _BYTES,
+    row: int,
+    lane: int,
+    first: int,
+    like: _FLOATS,
+    total: _FLOATS,
+    softened: _BYTES,
+) -> None:  # pragma: no cover - compiled
+    """Set a packet of `softened` to the weighted means of those tiles that are `like`."""
+    slots = np.uint64(shared.shape[3])
+    for i in range(PACKET):
+        total[:] = 0
+        count, at = np.float32(0), first + i
+        for near in range((row + at) % 2, 9, 2):
+            weight = _WEIGHTS[near] * like[near, i]
+            r, column = row + near // 3 - 1, at + near % 3 - 1
+            count += weight
+            for slot in range(slots):
+                total[slot] += weight * np.float32(shared[r, lane, column, slot])
+        for slot in range(slots):
+            mean = total[slot] / count + np.float32(0.5)
+            softened[row, lane, at, slot] = np.uint8(mean) if count > 0 else UNKNOWN
