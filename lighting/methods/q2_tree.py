@@ -34,7 +34,6 @@ from lighting.sphere.equal_area_chart import on_chart
 
 _LEVELS = 26
 """Far below any block, so that no two centres share a quadrilateral of the last level."""
-_FACES = 12
 
 
 def q2_tree(environment: EnvironmentMap, count: int) -> tuple[Array, Array, Array]:
