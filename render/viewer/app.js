@@ -34,7 +34,7 @@ let settings = null;
 let noticeNumber = null;
 let toastTimer = null;
 
-async function onMoment(header, images) {
+function onMoment(header, images) {
   settings = header.settings;
   showState(header.state.name, header.state.message);
   showImage("camera", images.camera);
