@@ -103,7 +103,7 @@ def render(
     fixed_ev = parse_exposure(exposure_ev)
     check_picture_suffix(output)
     check_place(output, force=force)
-    of_light = (lights, environment, background, fixed_ev, estimator, error, seconds)
+    of_light = (lights, environment, background, fixed_ev, estimator, error, seconds, bounces)
     has_others = reference or any(each is not None for each in of_light)
     check_occlusion_flags(ao, cone_deg, max_distance_m, has_others=has_others)
     if ao:

@@ -183,6 +183,7 @@ def test_flags_of_ambient_occlusion_without_it(tmp_path, lights):
         {"exposure_ev": "2"},
         {"estimator": "brdf"},
         {"error": 0.1},
+        {"bounces": 1},
     ],
 )
 def test_light_with_ambient_occlusion(tmp_path, flags):
