@@ -12,10 +12,14 @@ from calibration.camera import Calibration
 from calibration.files import read_calibration, read_object, write_calibration
 from calibration.models.equisolid import Equisolid
 from calibration.report_cli import report
-from calibration.vignetting import Samples, VignettingFit, fit_vignetting
+from calibration.vignetting import Samples, Trial, VignettingFit, fit_vignetting
 from calibration.vignetting_cli import calibrate_vignetting
 from calibration.vignetting_published import from_published
-from calibration.vignetting_record import correction_error, read_vignetting_record
+from calibration.vignetting_record import (
+    correction_error,
+    read_vignetting_record,
+    vignetting_record,
+)
 from calibration.vignetting_samples import Shot, flat_samples, lamp_samples, overlap_samples
 from capture.errors import InputError
 from capture.radiance import RadianceImage
@@ -166,6 +170,14 @@ def test_pixels_next_to_clipped_ones_are_not_compared() -> None:
         spoilt.append(replace(each, image=image))
     samples = overlap_samples(spoilt)
     assert np.abs(errors(UNEVEN_LENS, fit_vignetting(samples))).max() < 3e-3
+
+
+def test_a_record_tells_the_largest_deviation_around_the_axis() -> None:
+    trial = Trial((-0.1,), (0.02, 0.0), 0.01, True)
+    fit = VignettingFit(trial, np.diag([0.0, 1e-4, 0.0]), (0.0, 1.0), 99, (trial,))
+    record = vignetting_record(fit, LENS, "flat", ["a.exr"])
+    # Of θ cos φ the coefficient is known to 0.01.
+    np.testing.assert_allclose(record.sigma, 0.01 * np.array(record.angle_rad), atol=1e-12)
 
 
 def test_pictures_that_cannot_be_used_are_refused() -> None:

@@ -56,6 +56,9 @@ def test_what_is_no_lamp_is_not_taken_for_one():
     walker = 1.0 + 0.2 * rng.random((len(times_s), BANDS))
     for levels in (still, cloud, steps, walker, np.zeros_like(still)):
         assert mains_frequency_hz(times_s, levels) is None
+    for seed in range(50):  # light that wavers as a whole, which a sinusoid explains now and then
+        whole = np.random.default_rng(seed).normal(1.0, 0.05, (len(times_s), 1))
+        assert mains_frequency_hz(times_s, whole * still) is None
 
 
 def test_in_step_with_the_pulses_a_cloud_is_still_no_lamp():

@@ -203,3 +203,12 @@ def test_clipped_light_is_white_by_a_matrix_of_any_scale(scale: float) -> None:
     full = Bracket((Frame(np.full((1, 1, 3), 65535, np.uint16), Exposure(0.01)),))
     image = merge_bracket(full, Sensor(4096, 65535, colour_matrix=scale * np.array(matrix)))
     np.testing.assert_allclose(image.radiance, 100 * scale, rtol=1e-6)
+
+
+def test_the_variance_of_a_colour_is_that_of_a_sum() -> None:
+    matrix = np.array([[1.5, -0.3, -0.2], [-0.2, 1.4, -0.2], [0.0, -0.5, 1.5]])
+    counts = np.array([[[20_000, 30_000, 40_000]]], np.uint16)
+    bracket = Bracket((Frame(counts, Exposure(0.01)),))
+    own = merge_bracket(bracket, Sensor(4096, 65535)).variance[0, 0]
+    colours = merge_bracket(bracket, Sensor(4096, 65535, colour_matrix=matrix)).variance[0, 0]
+    np.testing.assert_allclose(colours, matrix**2 @ own, rtol=1e-5)
