@@ -11,6 +11,7 @@ from calibration.ball_cone import distant_pinhole
 from calibration.ball_outline import marked_outline
 from calibration.camera import Calibration
 from calibration.files import write_calibration
+from calibration.models.equidistant import Equidistant
 from calibration.models.mirror_ball import MirrorBall
 from capture.errors import InputError
 from capture.importing import read_photo_bracket
@@ -18,7 +19,8 @@ from capture.merge import merge_bracket
 from capture.radiance import RadianceImage
 from capture.radiance_files import write_radiance
 from lighting.combine_cli import combine
-from lighting.maps.combine import View, align_views, combine_views
+from lighting.maps.combine import View, align_views, combine_views, trust
+from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import read_environment
 from lighting.sphere.latlong import cell_directions, solid_angles
 from tests.calibration.ball_pictures import room
@@ -83,6 +85,15 @@ def test_neither_camera_nor_blind_spot_remains() -> None:
     assert 0 < confidence_alone[rim].min() < 0.5 < confidence_alone[rim].max() < 0.7
     assert confidence_alone[behind < 0].min() == 1
     assert confidence[behind > 0.9].min() > 0.8
+
+
+def test_what_is_hidden_fades_in_over_half_its_angle() -> None:
+    camera = Calibration(Equidistant((31.5, 31.5), 20.0), (64, 64), 1.5)
+    seen = np.ones((HEIGHT, 2 * HEIGHT), bool)
+    world = EnvironmentMap(np.ones((*seen.shape, 3), np.float32), seen, ~seen)
+    whole, part = trust(camera, world, 0.0)[0], trust(camera, world, 0.4)[0]
+    shown = np.clip((camera.axis_angle(cell_directions(HEIGHT)) - 0.4) / 0.2, 0, 1)
+    np.testing.assert_allclose(part, shown * whole, atol=1e-12)
 
 
 def test_equal_light_stays_equal_and_marks_travel() -> None:
