@@ -1,8 +1,8 @@
 """Shadow rays of pictures in which everything moves.
 
 A light is either a key light, towards which every pixel sends rays, or one that is interleaved: one
-pixel of each square of n × n sends a ray to it. Packets hold the pixels of one lane in 4 × 4 tiles:
-they send rays to the same light, from near each other.
+pixel of each square of n × n sends a ray to it. Packets hold the pixels of one tile, and those of
+one lane in 16 tiles: they send rays to the same light, from near each other.
 
 Input  : surfaces, as `first_hits` finds them, and lights.
 Output : what share of each pixel's rays gets through.
@@ -84,7 +84,7 @@ def trace_lights(
     key_rays : (J,) int64
         Rays of a pixel to each key light.
     is_narrow : (J,) bool
-        Whether sixteen pixels that agree on a key light by one ray each send no others to it.
+        Whether the pixels of a tile that agree on a key light by one ray each send no others to it.
     side : int
         n: 1, 2 or 4.
     is_staggered : bool
@@ -95,14 +95,20 @@ def trace_lights(
         Of the lights whose turn a pixel is, in parts of `ALL_PASSES`.
     """
     for square in prange((surfaces.shape[0] - 2) // SIDE):
-        _trace_row(
-            function, scene, sphere, np.float32(offset_m), surfaces, lights, points,
-            key_rays, is_narrow, side, is_staggered, 1 + SIDE * square, keys, shared,
+        first_row = 1 + SIDE * square
+        for row in range(first_row, first_row + SIDE):
+            _trace_keys(
+                function, scene, sphere, np.float32(offset_m), surfaces, lights, points, key_rays,
+                is_narrow, row, keys,
+            )  # fmt: skip
+        _trace_turns(
+            function, scene, sphere, np.float32(offset_m), surfaces, lights, points, keys.shape[2],
+            side, is_staggered, first_row, shared,
         )  # fmt: skip
 
 
 @njit(nogil=True, fastmath=LOOSE, error_model="numpy")
-def _trace_row(
+def _trace_keys(
     function: int,
     scene: int,
     sphere: _FLOATS,
@@ -112,41 +118,61 @@ def _trace_row(
     points: _FLOATS,
     key_rays: NDArray[np.int64],
     is_narrow: NDArray[np.bool_],
-    side: int,
-    is_staggered: bool,
     row: int,
     keys: _FLOATS,
-    shared: _BYTES,
 ) -> None:  # pragma: no cover - compiled
+    """Send rays from every pixel of a row of tiles, in packets of one tile, to the key lights."""
+    if len(key_rays) == 0:
+        return
     rays, valid = packet()
     part = np.empty((FIELDS, PACKET), np.float32)
     share = np.empty(PACKET, np.float32)
-    key_count, per_turn = keys.shape[2], shared.shape[3]
+    for column in range(1, surfaces.shape[3] - 1):
+        if not _load_tile(surfaces, row, column, part):
+            continue
+        _start(part, offset_m, rays)
+        for light in range(len(key_rays)):
+            share[:] = 0
+            count = key_rays[light]
+            for ray in range(count):
+                _aim(points, light, ray, count, 0, 0, 1, rays)
+                if _select(part, sphere, lights, light, rays, valid):
+                    coherent16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
+                blocked = 0
+                for i in range(np.uint64(PACKET)):
+                    share[i] += np.float32(rays[8, i] > 0)
+                    blocked += rays[8, i] < 0
+                if ray == 0 and is_narrow[light] and blocked % PACKET == 0:
+                    share[:] *= count
+                    break
+            for lane in range(LANES):
+                keys[row, lane, light, column] = share[lane] / count
+
+
+@njit(nogil=True, fastmath=LOOSE, error_model="numpy")
+def _trace_turns(
+    function: int,
+    scene: int,
+    sphere: _FLOATS,
+    offset_m: np.float32,
+    surfaces: _FLOATS,
+    lights: _FLOATS,
+    points: _FLOATS,
+    key_count: int,
+    side: int,
+    is_staggered: bool,
+    row: int,
+    shared: _BYTES,
+) -> None:  # pragma: no cover - compiled
+    """Send one ray from each pixel of four rows of tiles to each light whose turn it is."""
+    rays, valid = packet()
+    part = np.empty((FIELDS, PACKET), np.float32)
+    per_turn, apart = shared.shape[3], 2 if is_staggered else 1
+    if per_turn == 0:
+        return
     for lane in range(LANES):
         x, y = lane % SIDE, SIDE * row + lane // SIDE
         turn = y % side * side + x % side
-        for first in range(1, surfaces.shape[3] - 1, SIDE):
-            if key_count == 0 or not _load_tiles(surfaces, row, lane, first, 1, part):
-                continue
-            _start(part, offset_m, rays)
-            for light in range(key_count):
-                share[:] = 0
-                count = key_rays[light]
-                for ray in range(count):
-                    _aim(points, light, ray, count, SIDE * first + x, y, SIDE, rays)
-                    if _select(part, sphere, lights, light, rays, valid):
-                        coherent16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
-                    blocked = 0
-                    for i in range(np.uint64(PACKET)):
-                        share[i] += np.float32(rays[8, i] > 0)
-                        blocked += rays[8, i] < 0
-                    if ray == 0 and is_narrow[light] and blocked % PACKET == 0:
-                        for i in range(PACKET):
-                            share[i] *= count
-                        break
-                for i in range(PACKET):
-                    keys[row + i // SIDE, lane, light, first + i % SIDE] = share[i] / count
-        apart = 2 if is_staggered else 1
         for first in range(1, surfaces.shape[3] - 1, apart * SIDE):
             if not _load_tiles(surfaces, row, lane, first, apart, part):
                 continue
@@ -191,6 +217,23 @@ def _aim(
         which = ray_count * turn + ray
         for axis in range(3):
             rays[4 + axis, i] = points[light, which, axis]
+
+
+@njit(nogil=True, error_model="numpy")
+def _load_tile(
+    surfaces: _FLOATS, row: int, column: int, part: _FLOATS
+) -> bool:  # pragma: no cover - compiled
+    """Copy the surfaces of a tile's pixels; return whether there is one."""
+    some = np.float32(0)
+    for lane in range(LANES):
+        some = max(some, surfaces[row, lane, KIND, column])
+    if some == NOTHING:
+        return False
+    for lane in range(LANES):
+        for field in range(FACE_NORMAL + 3):
+            part[field, lane] = surfaces[row, lane, field, column]
+        part[KIND, lane] = surfaces[row, lane, KIND, column]
+    return True
 
 
 @njit(nogil=True, error_model="numpy")
