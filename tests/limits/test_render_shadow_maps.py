@@ -86,6 +86,16 @@ def test_the_shadow_of_a_setting_light(ctx):
             )
 
 
+def test_light_from_below_the_floor_gets_no_map(ctx):
+    above = random_lights(5, seed=3, lowest=0.2)
+    below = replace(above, directions=above.directions * [1, -1, 1])
+    camera = Camera(np.array([1.5, 1.0, 3.0]), np.zeros(3), size_px=(24, 18))
+    for ground, maps in ((GROUND, 0), (None, 5)):
+        with Renderer(ctx, Scene((BOX,), ground), camera) as renderer:
+            assert renderer.draw(above) == 5
+            assert renderer.draw(below) == maps
+
+
 @pytest.mark.slow
 def test_4096_lights(ctx):
     ball = SphereScene((0.0, 0.5, 0.0), 0.5, WHITE, GROUND)
