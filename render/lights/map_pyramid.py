@@ -21,7 +21,6 @@ _RGB = tuple[np.float32, np.float32, np.float32]
 
 _LEAST_OCTAVE = 2
 _LEAST_ROWS = 1 << _LEAST_OCTAVE
-_CELLS_A_TAP = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,49 +120,43 @@ def mean_over(
 ) -> _RGB:  # pragma: no cover - compiled
     """Return the mean over a square about u, v, all float32, that `around` describes.
 
-    Between two levels of the map: a cell of one is at most as wide, one of the other wider.
+    Between two levels of the map: a cell of one is at most as wide, one of the other wider. Beside
+    a pole, where cells are narrow, it is the mean of several, two cells apart.
     """
     most = len(starts) - 2
     finest = most + _LEAST_OCTAVE  # log₂ of the rows
     level = min(max(octave + np.float32(finest), np.float32(0)), np.float32(most - 1e-3))
     finer = int(level)
     share = level - np.float32(finer)
-    rows = 1 << (finest - finer)
-    r, g, b = _mean(levels, starts[finer], rows, u, v, turn)
-    red, green, blue = _mean(levels, starts[finer + 1], rows >> 1, u, v, turn)
-    return r + share * (red - r), g + share * (green - g), b + share * (blue - b)
-
-
-@njit(nogil=True, error_model="numpy")
-def _mean(
-    levels: _FLOATS, start: int, rows: int, u: np.float32, v: np.float32, turn: np.float32
-) -> _RGB:  # pragma: no cover - compiled
-    """Return the mean of a map over a share: beside a pole, where cells are narrow, of several."""
-    taps = math.ceil(turn * np.float32(2 * rows / _CELLS_A_TAP))
-    if taps <= 1:
-        return _bilinear(levels, start, rows, u, v)
     red, green, blue = np.float32(0), np.float32(0), np.float32(0)
-    share = np.float32(1 / taps)
-    for tap in range(taps):
-        beside = u + turn * ((np.float32(tap) + np.float32(0.5)) * share - np.float32(0.5))
-        r, g, b = _bilinear(levels, start, rows, beside, v)
-        red, green, blue = red + r, green + g, blue + b
-    return red * share, green * share, blue * share
+    for k in range(2):
+        rows = 1 << (finest - finer - k)
+        taps = int(turn * np.float32(rows)) + 1
+        each = np.float32(1) / np.float32(taps)
+        weight = each * (share if k else np.float32(1) - share)
+        step = each * turn
+        at = u + np.float32(0.5) * (step - turn)
+        for _ in range(taps):
+            r, g, b = _bilinear(levels, starts[finer + k], rows, at, v)
+            red, green, blue = red + weight * r, green + weight * g, blue + weight * b
+            at += step
+    return red, green, blue
 
 
 @njit(nogil=True, error_model="numpy")
 def _bilinear(
     levels: _FLOATS, start: int, rows: int, u: np.float32, v: np.float32
 ) -> _RGB:  # pragma: no cover - compiled
-    """Return the map of `rows`, a power of two, at u, v: around the seam, held at a pole."""
+    """Return a map of 2^k rows at u ≥ −½ and v: around the seam, held at a pole."""
     columns = 2 * rows
-    x = u * np.float32(columns) - np.float32(0.5)
-    y = min(max(v * np.float32(rows) - np.float32(0.5), np.float32(0)), np.float32(rows - 1))
-    column, row = math.floor(x), min(int(y), rows - 2)
+    x = u * np.float32(columns) + np.float32(columns - 0.5)  # a turn more, to be above 0
+    y = min(max(v * np.float32(rows) - np.float32(0.5), np.float32(0)), np.float32(rows - 1.001))
+    column, row = int(x), int(y)
     right, down = x - np.float32(column), y - np.float32(row)
-    above = start + row * columns
-    a, b = above + (column & (columns - 1)), above + ((column + 1) & (columns - 1))
-    c, d = a + columns, b + columns
+    above, around_seam = start + row * columns, columns - 1
+    a = np.uintp(above + (column & around_seam))  # unsigned: never counted from the end
+    b = np.uintp(above + ((column + 1) & around_seam))
+    c, d = a + np.uintp(columns), b + np.uintp(columns)
     left, up = np.float32(1) - right, np.float32(1) - down
     wa, wb, wc, wd = left * up, right * up, left * down, right * down
     return (

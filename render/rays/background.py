@@ -36,9 +36,19 @@ def map_coordinates(directions: NDArray[np.float64]) -> NDArray[np.float32]:
 def with_ground(environment: EnvironmentMap, radiance: NDArray[np.float32]) -> EnvironmentMap:
     """Return the map with a ground's radiance (3,) where nothing was seen below the horizon."""
     filled = environment.radiance.copy()
-    below = environment.height // 2
-    filled[below:][~environment.valid[below:]] = radiance
+    _fill_unseen(environment.valid, np.asarray(radiance, np.float32), filled)
     return replace(environment, radiance=filled)
+
+
+@njit(cache=True, nogil=True)
+def _fill_unseen(
+    valid: NDArray[np.bool_], colour: NDArray[np.float32], radiance: NDArray[np.float32]
+) -> None:  # pragma: no cover - compiled
+    for row in range(len(valid) // 2, len(valid)):
+        for column in range(valid.shape[1]):
+            if not valid[row, column]:
+                for c in range(3):
+                    radiance[row, column, c] = colour[c]
 
 
 @njit(cache=True, nogil=True, parallel=True)

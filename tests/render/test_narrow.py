@@ -50,6 +50,17 @@ def test_one_that_moves_on_is_never_traced(lights, traced):
     assert traced == [0.0]
 
 
+@pytest.mark.parametrize(("step_rad", "times"), [(0.002, 0), (0.0002, 2)])
+def test_one_that_moves_slowly_is_traced_if_that_serves_a_dozen_pictures(
+    lights, traced, step_rad, times
+):
+    """What is traced serves for 0.005 rad, a quarter of its radius, here by an angle × sin 45°."""
+    lights.follow(discs(0.0))
+    for picture in range(1, 60):
+        lights.follow(discs(1.0 + step_rad * picture))
+    assert len(traced) == 1 + times
+
+
 def test_one_that_has_come_to_stand_is_traced_once(lights, traced):
     lights.follow(discs(0.0))
     seen = [lights.follow(discs(1.0))[0] for _ in range(STANDING + 3)]
