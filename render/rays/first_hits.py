@@ -121,39 +121,87 @@ def _find_row(
     row: int,
     surfaces: _FLOATS,
 ) -> None:  # pragma: no cover - compiled
+    for lane in range(LANES):
+        _show_ground(
+            view, ground, lane % SIDE, SIDE * (row - 1) + lane // SIDE, surfaces[row, lane]
+        )
     rays, valid = hit_packet()
     face_of, geometry_of = rays[17].view(np.int32), rays[18].view(np.int32)
     seen = np.zeros((FIELDS, LANES), np.float32)
+    wants_triangles = surfaces.shape[2] > FIELDS
     for column in range(1, surfaces.shape[3] - 1):
         _aim(view, ground, SIDE * (column - 1), SIDE * (row - 1), rays)
         geometry_of[:] = -1
-        if _select(sphere, rays, valid):
-            coherent16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
-        _on_ground(view, ground, rays, seen)
+        if not _select(sphere, rays, valid):
+            continue
+        coherent16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
         for lane in range(LANES):
-            if geometry_of[lane] != -1:
-                mesh = mesh_of_face[face_of[lane]]
-                u, v = rays[15, lane], rays[16, lane]
-                _place(face_of[lane], u, v, view, positions, attributes, faces, lane, seen)
-                footprint = np.float32(0)
-                if textures[mesh, 0, 3] > 0 or textures[mesh, 1, 3] > 0:
-                    footprint = _footprint(
-                        face_of[lane], rays[8, lane], view, positions, attributes, faces, lane, seen
-                    )
-                _paint(
-                    face_of[lane], u, v, attributes, faces, factors, textures, texels, mesh,
-                    footprint, lane, seen,
-                )  # fmt: skip
-        for lane in range(LANES):
+            if geometry_of[lane] == -1:
+                continue
+            mesh = mesh_of_face[face_of[lane]]
+            u, v = rays[15, lane], rays[16, lane]
+            _place(face_of[lane], u, v, view, positions, attributes, faces, lane, seen)
+            footprint = np.float32(0)
+            if textures[mesh, 0, 3] > 0 or textures[mesh, 1, 3] > 0:
+                footprint = _footprint(
+                    face_of[lane], rays[8, lane], view, positions, attributes, faces, lane, seen
+                )
+            _paint(
+                face_of[lane], u, v, attributes, faces, factors, textures, texels, mesh, footprint,
+                lane, seen,
+            )  # fmt: skip
             for field in range(FIELDS):
                 surfaces[row, lane, field, column] = seen[field, lane]
-        if surfaces.shape[2] > FIELDS:
-            for lane in range(LANES):
-                if geometry_of[lane] == -1:
-                    face_of[lane] = -1
+            if wants_triangles:
                 surfaces[row, lane, TRIANGLE, column] = rays[17, lane]
-                surfaces[row, lane, U, column] = rays[15, lane]
-                surfaces[row, lane, V, column] = rays[16, lane]
+                surfaces[row, lane, U, column] = u
+                surfaces[row, lane, V, column] = v
+
+
+@njit(nogil=True, error_model="numpy")
+def _show_ground(
+    view: _FLOATS, ground: _FLOATS, x: int, y: int, seen: _FLOATS
+) -> None:  # pragma: no cover - compiled
+    """Set a lane's pixels, of which the first is (x, y), to the ground or to what they look at."""
+    stop = np.uint64(seen.shape[1] - 1)
+    for axis in range(3):
+        first = view[1, axis] * np.float32(x - SIDE) + view[2, axis] * np.float32(y) + view[3, axis]
+        step = np.float32(SIDE) * view[1, axis]
+        for at in range(np.uint64(1), stop):
+            seen[POSITION + axis, at] = first + step * np.float32(np.int32(at))
+    eye_x, above, eye_z = view[0, 0], ground[0] - view[0, 1], view[0, 2]
+    radius2 = ground[1] * ground[1] if ground[1] > 0 else np.float32(-1)
+    for at in range(np.uint64(1), stop):
+        distance = above / seen[POSITION + 1, at]
+        px = eye_x + distance * seen[POSITION, at]
+        pz = eye_z + distance * seen[POSITION + 2, at]
+        met = (distance > 0) & (px * px + pz * pz <= radius2)
+        seen[POSITION, at] = px if met else seen[POSITION, at]
+        seen[POSITION + 2, at] = pz if met else seen[POSITION + 2, at]
+        seen[KIND, at] = np.float32(GROUND if met else NOTHING)
+    side = np.float32(1) if above < 0 else np.float32(-1)
+    for at in range(np.uint64(1), stop):
+        met = seen[KIND, at] == GROUND
+        seen[POSITION + 1, at] = ground[0] if met else seen[POSITION + 1, at]
+        seen[NORMAL + 1, at] = side if met else np.float32(0)
+        seen[FACE_NORMAL + 1, at] = side if met else np.float32(0)
+    for c in range(3):
+        for at in range(np.uint64(1), stop):
+            seen[MATT + c, at] = ground[2 + c] if seen[KIND, at] == GROUND else np.float32(0)
+    for field in (
+        NORMAL,
+        NORMAL + 2,
+        FACE_NORMAL,
+        FACE_NORMAL + 2,
+        F0,
+        F0 + 1,
+        F0 + 2,
+        F90,
+        ALPHA2,
+    ):
+        seen[field, np.uint64(1) : stop] = 0
+    if seen.shape[0] > FIELDS:
+        seen[TRIANGLE].view(np.int32)[1:-1] = -1
 
 
 @njit(nogil=True, error_model="numpy")
@@ -189,39 +237,6 @@ def _select(
         valid[lane] = -np.int32(ahead | (excess <= 0))
         some |= valid[lane]
     return some != 0
-
-
-@njit(nogil=True, error_model="numpy")
-def _on_ground(
-    view: _FLOATS, ground: _FLOATS, rays: _FLOATS, seen: _FLOATS
-) -> None:  # pragma: no cover - compiled
-    """Set `seen` to the ground, or to the direction of rays that do not meet it."""
-    side = np.float32(1) if view[0, 1] > ground[0] else np.float32(-1)
-    for lane in range(LANES):
-        met = rays[8, lane] < _FAR_M
-        share = np.float32(met)
-        seen[POSITION, lane] = (
-            share * view[0, 0] + (rays[8, lane] if met else np.float32(1)) * rays[4, lane]
-        )
-        seen[POSITION + 1, lane] = ground[0] if met else rays[5, lane]
-        seen[POSITION + 2, lane] = (
-            share * view[0, 2] + (rays[8, lane] if met else np.float32(1)) * rays[6, lane]
-        )
-        seen[NORMAL, lane] = 0
-        seen[NORMAL + 1, lane] = share * side
-        seen[NORMAL + 2, lane] = 0
-        seen[FACE_NORMAL, lane] = 0
-        seen[FACE_NORMAL + 1, lane] = share * side
-        seen[FACE_NORMAL + 2, lane] = 0
-        seen[MATT, lane] = share * ground[2]
-        seen[MATT + 1, lane] = share * ground[3]
-        seen[MATT + 2, lane] = share * ground[4]
-        seen[F0, lane] = 0
-        seen[F0 + 1, lane] = 0
-        seen[F0 + 2, lane] = 0
-        seen[F90, lane] = 0
-        seen[ALPHA2, lane] = 0
-        seen[KIND, lane] = share * GROUND
 
 
 @njit(nogil=True, error_model="numpy")
