@@ -173,11 +173,11 @@ def test_without_egl_a_replay_draws_all_the_same(tmp_path):
     assert list((tmp_path / "out/pictures").glob("*.png"))
 
 
-def test_without_egl_doctor_shows_the_rest_and_fails(tmp_path):
+def test_without_egl_doctor_notes_it_and_shows_the_rest(tmp_path):
     done = run_without_egl(tmp_path, "doctor")
-    assert done.returncode == 2
-    assert done.stderr == "fishlight: not ready: OpenGL (see above)\n"
-    assert "MISSING" in done.stdout
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "MISSING" not in done.stdout
+    assert "no context, so no shadow maps" in done.stdout
     assert "apt-get install" in done.stdout
     assert "Python" in done.stdout
 
