@@ -10,6 +10,7 @@ from calibration.lens.corners import WARP_DEGREES, Corners, gather
 from calibration.lens.poses import poses_from_directions
 from calibration.lens.robust import fit_robustly
 from calibration.lens.start import first_solution, hypotheses
+from calibration.lens.validation import predicted_residuals_px
 from calibration.models.kannala_brandt import KannalaBrandt
 from calibration.models.parameters import parameters, with_parameters
 from tests.calibration.simulated_views import BOARD, simulated_views
@@ -147,3 +148,14 @@ def test_the_search_starts_from_the_lens_that_is_most_alike(
     assert found.centre_px == pytest.approx(centre, abs=1)
     assert (found.k1, found.k2) == (k1, k2)
     assert np.mean(found.focal_px) == pytest.approx(focal, rel=0.12)
+
+
+def test_a_corner_has_no_part_in_what_predicts_it() -> None:
+    corners = corners_of(2, noise_px=0.1)
+    truth = true_solution(corners)
+    pixels = corners.pixels.copy()
+    pixels[[4, 61]] += (0.2, 0.0)
+    moved = predicted_residuals_px(corners.with_pixels(pixels), truth)
+    change = (moved - predicted_residuals_px(corners, truth))[[4, 61]]
+    # What it is held against stays: only the scale of the loss feels it.
+    np.testing.assert_allclose(change, [[-0.2, 0.0]] * 2, atol=2e-3)

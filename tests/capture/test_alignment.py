@@ -10,7 +10,7 @@ from capture.errors import InputError
 from capture.exif import read_exif
 from capture.frame import Bracket, Exposure, Frame
 from capture.merge import merge_bracket
-from capture.registration import rigid_motion
+from capture.registration import Registration, rigid_motion
 from tests.capture.photo_files import DATA
 from tests.capture.simulated_bracket import (
     DOUBTFUL_AT_WHITE,
@@ -268,6 +268,20 @@ def test_radiance_is_taken_to_lie_straight():
     aligned = align_bracket(bracket, LINEAR_16_BIT)
     assert aligned.bracket is bracket
     assert len(aligned.alignments) == 2
+
+
+def test_what_is_found_in_reduced_pictures_is_told_in_whole_pixels(monkeypatch):
+    bracket = hand_held(scene(), [MOTIONS[0]] * 3, SRGB_8_BIT)
+    width, height = bracket.frames[0].size_px
+    found = Registration(rigid_motion((1.0, 0.0), 0.0, (width // 2, height // 2)), 0.1, 1.0)
+    monkeypatch.setattr("capture.alignment._FOUND_PX", width * height // 4)
+    monkeypatch.setattr("capture.alignment.register", lambda *_: found)
+    _, second, third = align_bracket(bracket, SRGB_8_BIT).alignments
+    assert second.shift_px == pytest.approx((2.0, 0.0))
+    assert second.deviation_px == pytest.approx(0.2)
+    # Motions between neighbours add up, and so do their variances.
+    assert third.shift_px == pytest.approx((4.0, 0.0))
+    assert third.deviation_px == pytest.approx(0.2 * 2**0.5)
 
 
 @pytest.mark.data
