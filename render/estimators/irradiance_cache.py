@@ -1,11 +1,13 @@
-"""Irradiance interpolated between few places where it is measured well; mirrors by their lobe.
+"""Irradiance interpolated between few places where it is measured well; peaks of light drawn.
 
-Where no record of irradiance_records.py fits a surface, one is measured there. Records are kept
-for all later passes of the picture.
+What of the map is far above its mean is taken out and drawn directly, as sources are in [1]_: few
+rays of a record would meet it, and its shadows are sharp. Of the rest, matt surfaces get what
+records hold: where none of irradiance_records.py fits a surface, one is measured there. Records are
+kept for all later passes of the picture. Mirrors see the rest by their lobe.
 
-Fails  : passes do not tell the error of records, which stays as it is; a sun is met by few rays of
-         a record or none, so irradiance is blotched by it, and hard shadows are smoothed away. A
-         dielectric's matt part is dimmed by Fresnel's share toward the eye.
+Fails  : passes do not tell the error of records, which stays as it is: shadows of the rest are
+         smoothed (tests/limits/test_irradiance_records.py). A dielectric's matt part of the rest is
+         dimmed by Fresnel's share toward the eye.
 
 References
 ----------
@@ -14,12 +16,14 @@ References
 """
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap, luminance
 from render.estimators.brdf_sampling import brdf
 from render.estimators.contract import Estimate, Floats, Setting, Shadows
 from render.estimators.irradiance_records import (
@@ -32,22 +36,27 @@ from render.estimators.irradiance_records import (
     measure,
 )
 from render.estimators.map_tables import MapTables, map_tables
+from render.estimators.multiple_importance import multiple_importance
 from render.rays.embree import PACKET, intersect16_address
 from render.reference.surfaces import F0, F90, HIT, MATT, NORMAL, ORIGIN, TO_EYE
 
 ERROR = 0.2
 """Ward's `a`: records are used where their estimated error is below this."""
 
+PEAK = 2.0
+"""What light is drawn directly, in means of the map's luminance."""
+
 _STRATA_PER_SAMPLE = 64
 _FIRST_CAPACITY = 1024
-_LEAST_RADIUS = 0.03  # of the meshes': records would crowd where things touch
 _GOLDEN = 0.6180339887498949
 
 
 def irradiance_cache(setting: Setting) -> Estimate:
     """Prepare an empty cache; a record takes 64 times as many rays as there are samples."""
-    tables = map_tables(setting.environment)
-    mirrors = brdf(setting)
+    peaks, rest = split(setting.environment)
+    tables = map_tables(rest)
+    mirrors = brdf(setting._replace(environment=rest))
+    sources = multiple_importance(setting._replace(environment=peaks))
 
     @cache
     def records_of(_samples: int) -> list[Array]:
@@ -65,9 +74,23 @@ def irradiance_cache(setting: Setting) -> Estimate:
             mirroring[:, MATT : MATT + 3] = 0
             mirroring[:, HIT] *= mirroring[:, F90] > 0
             traced += mirrors(mirroring, samples, seed, radiance)
+        if peaks.radiance.any():
+            traced += sources(surfaces, samples, seed + 1, radiance)
         return traced
 
     return estimate
+
+
+def split(environment: EnvironmentMap) -> tuple[EnvironmentMap, EnvironmentMap]:
+    """Return what of a map is above `PEAK` times its mean luminance, and the rest."""
+    bound = PEAK * float(environment.integral() @ LUMINANCE_WEIGHTS) / (4 * math.pi)
+    brightness = luminance(environment.radiance)
+    share = np.minimum(bound / np.maximum(brightness, np.finfo(np.float32).tiny), 1.0)
+    rest = (environment.radiance * share[..., None]).astype(np.float32)
+    return (
+        replace(environment, radiance=environment.radiance - rest),
+        replace(environment, radiance=rest),
+    )
 
 
 def filled(
@@ -117,7 +140,7 @@ def _fill(
                 return done, count
             measure(
                 function, shadows.scene, shadows.lowest, tables, rings,
-                _LEAST_RADIUS * shadows.sphere[3], surface, i, seed + k, records[count],
+                shadows.sphere, surface, i, seed + k, records[count],
             )  # fmt: skip
             near[number] = count
             number, count = number + 1, count + 1

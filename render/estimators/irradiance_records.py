@@ -2,8 +2,9 @@
 
 A record is measured by rays in strata of the hemisphere, M rings of equal cosine-weighted area by N
 sectors. From the light of the strata and the distances at which rays end follow its gradients [2]_.
-How far from the place it may be used is told by the nearest thing that a ray meets: the harmonic
-mean of the distances [1]_ is long in the open, where a box overhead fills little of the sky.
+How far from the place it may be used is told by the nearest thing that a ray meets, or the middle
+of all things: the harmonic mean of the distances [1]_ is long in the open, where a box overhead
+fills little of the sky.
 
 Cost   : a ray for each stratum, in packets of sixteen.
 
@@ -26,6 +27,8 @@ from render.rays.embree import PACKET, hit_packet, intersect16
 from render.rays.tangent_frame import tangent_frame
 from render.reference.surfaces import FAR_M, NORMAL, ORIGIN
 
+_LEAST_RADIUS = 0.03  # of the meshes': records would crowd where things touch
+
 Floats = NDArray[np.float32]
 Array = NDArray[np.float64]
 
@@ -43,7 +46,7 @@ def measure(
     lowest: float,
     tables: MapTables,
     rings: int,
-    least_radius_m: float,
+    sphere: Floats,
     surface: Floats,
     i: int,
     seed: int,
@@ -96,7 +99,12 @@ def measure(
         record[PLACE + axis] = surface[ORIGIN + axis, i]
         record[UPWARD + axis] = surface[NORMAL + axis, i]
     nearest = near.max()
-    record[RADIUS] = max(1 / nearest, least_radius_m) if nearest > 0 else 1e30
+    # What no ray has met may still be there: the meshes lie around the middle of their sphere.
+    away2 = 0.0
+    for axis in range(3):
+        away2 += (sphere[axis] - record[PLACE + axis]) ** 2
+    radius_m = min(1 / nearest, math.sqrt(away2)) if nearest > 0 else math.sqrt(away2)
+    record[RADIUS] = max(radius_m, _LEAST_RADIUS * sphere[3])
     _add_gradients(arrived, near, slope, frame, record)
 
 

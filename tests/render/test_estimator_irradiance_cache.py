@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from numba import njit
 
+from lighting.maps.environment import LUMINANCE_WEIGHTS, luminance
 from lighting.sphere.latlong import cell_directions
-from render.estimators.irradiance_cache import filled, irradiance_cache
+from render.estimators.irradiance_cache import PEAK, filled, irradiance_cache, split
 from render.estimators.irradiance_records import (
     FIELDS,
     IRRADIANCE,
@@ -92,6 +93,28 @@ def test_a_record_fits_where_it_was_made_and_nowhere_far(record):
     )
     assert fits(record, level(normal=(0, -1, 0))) < 1
     assert fits(record, level(place=(0.5, -0.2 * record[RADIUS], -0.3))) == 0  # behind
+
+
+def test_a_record_in_the_open_is_not_used_where_things_are():
+    with estimator_scene.occluders() as held:
+        shadows = estimator_scene.setting(smooth_map(), held).shadows
+        tables = map_tables(smooth_map())
+        place = level(place=(0.0, 5.0, 0.0))  # of all rays up none meets the box
+        [record] = filled(shadows, tables, RINGS, place[None], 1, np.zeros((0, FIELDS)))
+    away_m = np.linalg.norm(shadows.sphere[:3] - [0, 5, 0])
+    assert record[RADIUS] == pytest.approx(away_m, rel=1e-5)
+
+
+def test_peaks_and_the_rest_are_the_map():
+    light = estimator_scene.uneven_map()
+    peaks, rest = split(light)
+    np.testing.assert_allclose(peaks.radiance + rest.radiance, light.radiance, rtol=1e-6)
+    mean = float(light.integral() @ LUMINANCE_WEIGHTS) / (4 * np.pi)
+    assert luminance(rest.radiance).max() == pytest.approx(PEAK * mean, rel=1e-5)
+    assert peaks.radiance.min() >= 0
+    untouched = luminance(light.radiance) <= PEAK * mean
+    assert 0.5 < untouched.mean() < 1
+    assert not peaks.radiance[untouched].any()
 
 
 def test_a_floor_from_few_records_is_the_sum_over_the_sky():
