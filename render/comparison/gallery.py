@@ -22,7 +22,7 @@ from calibration.report.elements import document, row, section, table
 from render.claims.contract import CONFIRMED, verdict
 from render.claims.occlusion import CONES_DEG, DISTANCES_M, occlusion_grid
 from render.claims.registry import Checked
-from render.comparison.equal_time import Shown
+from render.comparison.equal_time import Shown, truest
 from render.output.view import auto_exposure_ev, to_display
 
 FULL_ERROR = 0.3
@@ -79,6 +79,7 @@ def gallery(
         "<header><h1>Direct light by every estimator</h1>\n"
         f'<p class="muted">{escape(about)}</p></header>\n',
         _chart(charts),
+        _truest(sections),
         *(_map(name, [each for each in sections if each.map_name == name]) for name in maps),
         _claims(checked),
         _strips(strips),
@@ -101,6 +102,17 @@ def _chart(charts: Mapping[str, str]) -> str:
         f'<img src="{light}" alt="Error against time of each estimator"></picture>'
     )
     return section("chart", "Error against time", drawn)
+
+
+def _truest(sections: Sequence[Section]) -> str:
+    """Return which estimator wins where; biased ones win early and never get better."""
+    rows = []
+    for each in sections:
+        best, first = truest(each.shown), min(each.shown, key=lambda shown: shown.rmse)
+        told = [f"{shown.estimator}, {100 * shown.rmse:.2g} %" for shown in (best, first)]
+        rows.append(row([each.map_name, each.scene, *told]))
+    heads = ["Map", "Scene", "Truest that converges", "Truest of all"]
+    return section("equal-time", "At equal time", table("", heads, rows))
 
 
 def _map(name: str, sections: Sequence[Section]) -> str:

@@ -14,6 +14,7 @@ from render.claims import occlusion, registry
 from render.claims.contract import Claim, Finding
 from render.comparison import convergence
 from render.comparison.convergence import ALL, REFERENCE, Convergence, points_of, time_in
+from render.comparison.equal_time import Shown, truest
 from render.comparison.gallery import error_picture
 from render.estimators_chart_cli import chart_estimators
 from render.measures import truths
@@ -63,6 +64,7 @@ def test_writes_charts_tables_and_a_page_that_needs_nothing_else(map_path, tmp_p
     }  # fmt: skip
     printed = capsys.readouterr().out
     assert "6 measurements of 2 estimators" in printed
+    assert re.search(r"truest at equal time, of 3 cases: (brdf|cosine) in [23]", printed)
     assert "what holds: confirmed\n" in printed
     assert "what does not: not confirmed\n" in printed
     assert len((output / "estimators.csv").read_text().splitlines()) == 1 + 3 * 2
@@ -133,6 +135,15 @@ def test_points_are_geometric_means_over_maps_and_scenes():
     assert point.errors[time_in("diffuse")] == pytest.approx(2.0)
     assert point.errors[ALL] == pytest.approx(math.sqrt(0.02))
     assert point.ms == point.errors[time_in(ALL)] == pytest.approx(4.0)
+
+
+def test_the_truest_is_one_whose_error_falls_with_time():
+    def shown(name, rmse):
+        return Shown(name, np.zeros((1, 1, 4), np.float32), rmse, 0.0, 4, 0)
+
+    all_shown = [shown("lights-cells", 0.1), shown("brdf", 0.3), shown(REFERENCE, 0.2)]
+    assert truest(all_shown).estimator == REFERENCE
+    assert truest([*all_shown, shown("brdf", 0.15)]).estimator == "brdf"
 
 
 def test_errors_are_black_where_there_are_none():
