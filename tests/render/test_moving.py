@@ -240,3 +240,34 @@ def test_rays_of_a_pixel_are_spread_over_the_disc_and_those_of_sixteen_are_all(r
     assert np.all(np.diff(sent, axis=0) == 1)
     assert np.all(sent[0] % ray_count == 0)
     assert sorted(sent.ravel()) == list(range(POINTS * ray_count))
+
+
+def test_pixels_whose_tile_and_neighbours_sent_no_rays_ask_for_themselves():
+    """Every second tile sends rays to wide lights; tiny cubes may lie in none of these."""
+    place = np.arange(144)
+    cubes = tuple(
+        box(corner, tuple(np.add(corner, 0.06)), MATT)
+        for corner in zip(
+            0.15 * (place % 12) - 0.9, place * 7 % 5 * 0.5, 0.15 * (place // 12) - 0.9, strict=True
+        )
+    )
+    camera = Camera(np.array([0.0, 8.0, 0.5]), np.array([0.0, 0.0, 0.0]), 0.25, (64, 64))
+    lights = many_discs(5)
+    scene = Scene(cubes, ground=None)
+    with (
+        MovingRenderer(scene, camera) as renderer,
+        MovingRenderer(scene, camera, effort=EVERY_PIXEL) as exact,
+    ):
+        picture, truth = renderer.render(lights), exact.render(lights)
+    assert relative_rmse(picture, truth, truth[..., 3] > 0) < 0.08
+
+
+def test_a_tile_that_agrees_on_a_narrow_key_light_is_as_if_it_had_sent_all_rays(ball):
+    """Against 16 rays from every pixel, whatever its neighbours say."""
+    narrow = one_light((0.6, 1.0, -0.3), angular_radius_rad=0.02)
+    with MovingRenderer(meshed(BALL), CAMERA, effort=EVERY_PIXEL) as exact:
+        truth = exact.render(narrow)
+    picture = ball.render(narrow)
+    hit = truth[..., 3] > 0
+    assert relative_rmse(picture, truth, hit) < 0.03
+    np.testing.assert_allclose(picture[hit, 0].mean(), truth[hit, 0].mean(), rtol=2e-3)
