@@ -117,7 +117,9 @@ def _moving(repeats: int) -> list[dict[str, Any]]:
     around = [replace(camera, eye=camera.eye + 0.02 * step) for step in range(repeats)]
     rows = []
     for name, lights in _light_cases().items():
-        every = Effort(key_lights=LIGHT_COUNT, key_share=0.0, key_rays=16, soft_rad=math.inf)
+        every = Effort(
+            key_lights=LIGHT_COUNT, key_share=0.0, key_rays=16, narrow_rad=0.0, soft_rad=math.inf
+        )
         with MovingRenderer(scene, camera, effort=every) as renderer:
             truth = renderer.render(lights)
         hit = truth[..., 3] > 0
@@ -141,7 +143,9 @@ def _roaming(repeats: int) -> list[dict[str, Any]]:
     scene, camera = default_scene()
     around = [replace(camera, eye=camera.eye + 0.02 * step) for step in range(repeats)]
     rows = []
-    every = Effort(key_lights=LIGHT_COUNT, key_share=0.0, key_rays=16, soft_rad=math.inf)
+    every = Effort(
+        key_lights=LIGHT_COUNT, key_share=0.0, key_rays=16, narrow_rad=0.0, soft_rad=math.inf
+    )
     matt = Material((0.6, 0.5, 0.4), specular=0.0)  # mirrors show other things here than there
     scene = replace(scene, meshes=tuple(replace(mesh, material=matt) for mesh in scene.meshes))
     with RoamingRenderer(scene) as renderer, MovingRenderer(scene, camera, effort=every) as exact:
