@@ -22,7 +22,10 @@ _MOST_CONTRAST = 4.0
 def gathered_parts(
     directions: Array, irradiance: Array, radius_rad: Array
 ) -> tuple[Array, Array, Array]:
-    """Return lights in which neighbours of like radiance are one disc, if it is a narrow one.
+    """Return lights in which neighbours of like radiance are one narrow disc, or several.
+
+    Each disc is made up of as many lights around a strong one as `PEAK_RAD` holds: what glows
+    around a low sun becomes a few discs strong enough to be drawn sharply.
 
     Parameters
     ----------
@@ -38,12 +41,16 @@ def gathered_parts(
     is_left = np.ones(len(candidates), np.bool_)
     stay, discs = ~is_part, []
     for seed in np.flatnonzero(joins.sum(axis=1) > 1):
-        parts = candidates[joins[seed] & is_left]
-        if is_left[seed] and len(parts) > 1:
-            disc = _disc(directions[parts], irradiance[parts], radius_rad[parts], power[parts])
-            if disc[2] <= PEAK_RAD:
-                is_left &= ~joins[seed]
-                discs.append(disc)
+        if not is_left[seed]:
+            continue
+        parts = np.flatnonzero(joins[seed] & is_left)
+        cosine = directions[candidates[parts]] @ directions[candidates[seed]]
+        parts = parts[np.argsort(-cosine, kind="stable")]
+        taken = candidates[parts]
+        disc, count = _disc(directions[taken], irradiance[taken], radius_rad[taken], power[taken])
+        if count > 1:
+            is_left[parts[:count]] = False
+            discs.append(disc)
     stay[candidates[is_left]] = True
     if not discs:
         return directions, irradiance, radius_rad
@@ -62,10 +69,22 @@ def _may_join(directions: Array, radiance: Array) -> NDArray[np.bool_]:
 
 def _disc(
     directions: Array, irradiance: Array, radius_rad: Array, power: Array
-) -> tuple[Array, Array, float]:
-    """Return the disc of the same light, whose second moment is that of all parts together."""
-    weight = power / power.sum()
-    mean = weight @ directions
-    mean /= np.linalg.norm(mean)
-    off2 = np.sum((directions - mean) ** 2, axis=1)
-    return mean, irradiance.sum(axis=0), float(np.sqrt(weight @ (radius_rad**2 + 2 * off2)))
+) -> tuple[tuple[Array, Array, float], int]:
+    """Return the disc of the first parts that make up one narrow enough, and their number.
+
+    Its light is theirs, and its second moment that of all of them together.
+    """
+    total = np.cumsum(power)
+    sums = np.cumsum(power[:, None] * directions, axis=0)
+    length = np.linalg.norm(sums, axis=1)
+    # About the mean direction m, Σ p |d - m|² = 2 Σ p - 2 |Σ p d|.
+    squared = (np.cumsum(power * radius_rad**2) + 4 * (total - length)) / total
+    too_wide = squared > PEAK_RAD**2
+    count = int(np.argmax(too_wide)) if too_wide.any() else len(power)
+    last = max(count, 1) - 1
+    disc = (
+        sums[last] / length[last],
+        irradiance[: last + 1].sum(axis=0),
+        float(squared[last] ** 0.5),
+    )
+    return disc, count
