@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 
 from capture.errors import InputError
+from capture.exr import read_exr
+from lighting.maps.environment_files import write_environment
 from render.estimators.passes import estimate_picture
 from render.reference.accumulation import LEAST_PASSES
+from render.render_cli import render
 from render.scenes.default_scene import default_scene, sphere
 from render.scenes.scene import Camera, Material, Scene
 from tests.render import estimator_scene
@@ -81,6 +84,18 @@ def test_bounces_that_are_none_are_refused(name, bounces):
     scene, camera = bowl(0.5)
     with pytest.raises(InputError, match=f"the estimator 'paths'; got {bounces} with '{name}'"):
         estimate_picture(name, scene, camera, WHITE, bounces=bounces)
+
+
+def test_the_command_counts_bounces(tmp_path, capsys):
+    write_environment(tmp_path / "sky.exr", estimator_scene.uneven_map(rows=16))
+    arguments = {"environment": tmp_path / "sky.exr", "size": "16x12", "error": 0.5}
+    for bounces in (1, 3):
+        render(output=tmp_path / f"{bounces}.exr", reference=True, bounces=bounces, **arguments)
+    direct, more = (read_exr(tmp_path / f"{bounces}.exr").channels["G"] for bounces in (1, 3))
+    assert more.mean() > direct.mean()
+    assert "what its lights leave out" not in capsys.readouterr().out
+    with pytest.raises(InputError, match="--bounces are for --reference"):
+        render(output=tmp_path / "p.exr", lights=tmp_path / "lights.json", bounces=2)
 
 
 @pytest.mark.slow
