@@ -19,6 +19,7 @@ from render.measures.picture_errors import relative_rmse
 from render.reference.tracing import ReferencePicture, render_reference
 
 _SMALL_PX = (16, 16)
+_SEED = 1  # not that of the truth, whose first passes the reference would repeat
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,5 +69,5 @@ def pictures(case: Case, names: Sequence[str], seconds: float) -> Iterator[Shown
 def _drawn(case: Case, name: str, seconds: float) -> ReferencePicture:
     view = case.scene, case.camera, case.environment
     if name == REFERENCE:
-        return render_reference(*view, error=0.0, seconds=seconds)
-    return estimate_picture(name, *view, error=0.0, seconds=seconds)
+        return render_reference(*view, error=0.0, seconds=seconds, seed=_SEED)
+    return estimate_picture(name, *view, error=0.0, seconds=seconds, seed=_SEED)

@@ -14,7 +14,7 @@ from render.claims import occlusion, registry
 from render.claims.contract import Claim, Finding
 from render.comparison import convergence
 from render.comparison.convergence import ALL, REFERENCE, Convergence, points_of, time_in
-from render.comparison.equal_time import Shown, truest
+from render.comparison.equal_time import Shown, pictures, truest
 from render.comparison.gallery import error_picture
 from render.estimators_chart_cli import chart_estimators
 from render.measures import truths
@@ -100,6 +100,8 @@ def test_the_reference_is_measured_too(tmp_path):
     )
     assert 0 < by_reference.rmse < 0.2 * by_brdf.rmse
     assert by_reference.rays > by_brdf.rays > 0
+    [shown] = pictures(case, [REFERENCE], 0.0)
+    assert not np.array_equal(shown.radiance[..., :3], case.truth().radiance)
 
 
 def test_what_is_known_is_not_measured_again(map_path, tmp_path, monkeypatch):
