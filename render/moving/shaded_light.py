@@ -4,7 +4,7 @@ What every light gives without shadow is summed exactly at every pixel. Of inter
 pixel takes over what its neighbours on the same surface saw, and scales the sum by the share of it
 that they say gets through; where too little is known, it sends rays of its own.
 
-Cost   : about 0.1 µs per pixel and 64 lights, a third of it fetching what neighbours saw.
+Cost   : about 0.1 µs per pixel and 64 lights.
 """
 
 from typing import Any
