@@ -1,8 +1,9 @@
 """Many frames by several processes, and what dealing them out costs.
 
 Brackets of 3 JPEGs of 512² px become maps of 1024×512 and 64 lights, both written. Peer: the same
-stages one after the other in this process, on one core, as a worker has; and on all. Times are per
-frame, without starting the processes; CPU time is that of all of them together, and tells on a busy
+stages one after the other in this process, on one core, as a worker has; on all; and in a process
+on each core, side by side: what no dealing out can beat on this machine. Times are per frame,
+without starting the processes; CPU time is that of all of them together, and tells on a busy
 machine what `ms` would be on an idle one.
 
 Runs that take no time at all show what dealing them out costs the client, the scheduler and the
@@ -16,6 +17,9 @@ import os
 import shutil
 import tempfile
 import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -69,7 +73,9 @@ def run(_repeats: int) -> list[dict[str, Any]]:
         times: dict[str, _Times] = {}
         for count in dict.fromkeys((1, cores)):
             name = f"one after the other, {count} {'core' if count == 1 else 'cores'}"
-            times[name] = _timed_replay(recording, output, count)
+            chosen = sorted(os.sched_getaffinity(0))[:count]
+            times[name] = _timed_replay(recording, output, chosen)
+        times[f"one after the other, {cores} side by side"] = _timed_side_by_side(recording, output)
         for workers in dict.fromkeys((1, 2, cores)):
             name = f"batch, {workers} {'worker' if workers == 1 else 'workers'}"
             times[name] = _timed_batch(recording, warming, output, workers)
@@ -133,8 +139,21 @@ def record_again_and_again(folder: Path, frames: int) -> Path:
     return path
 
 
-def _timed_replay(recording_path: Path, output: Path, core_count: int) -> _Times:
-    """Return milliseconds a frame of the stages in this process."""
+def _timed_side_by_side(recording: Path, output: Path) -> _Times:
+    """Return milliseconds a frame of as many replays at once as there are cores."""
+    cores = sorted(os.sched_getaffinity(0))
+    with ProcessPoolExecutor(len(cores), get_context("spawn")) as processes:
+        calls = [
+            processes.submit(_timed_replay, recording, output.with_name(f"out-{core}"), [core])
+            for core in cores
+        ]
+        times = [call.result() for call in calls]
+    wall_ms, cpu_ms = np.mean(times, axis=0)
+    return _Times(wall_ms / len(cores), cpu_ms)
+
+
+def _timed_replay(recording_path: Path, output: Path, chosen: Sequence[int]) -> _Times:
+    """Return milliseconds a frame of the stages in this process, on these cores."""
     recording = open_recording(recording_path)
     assert recording.calibration_path is not None
     calibration = read_calibration(recording.calibration_path)
@@ -144,8 +163,8 @@ def _timed_replay(recording_path: Path, output: Path, core_count: int) -> _Times
     shutil.rmtree(output, ignore_errors=True)
     output.mkdir()
     cores, most = os.sched_getaffinity(0), numba.get_num_threads()
-    os.sched_setaffinity(0, sorted(cores)[:core_count])  # for the decoders' threads too
-    numba.set_num_threads(min(core_count, most))
+    os.sched_setaffinity(0, chosen)  # for the decoders' threads too
+    numba.set_num_threads(min(len(chosen), most))
     start_s = start_cpu_s = 0.0
     for position in range(-1, FRAMES):
         if position == 0:
