@@ -72,7 +72,8 @@ class Drawer:
     takes_s: float = 0.0
     asked: list = field(default_factory=list)
 
-    def render(self, settings, lights, background, wanted_px):
+    def render(self, settings, lights, background, wanted_px=None):
+        wanted_px = wanted_px or self.size_px
         self.asked.append((settings, lights, background))
         time.sleep(self.takes_s * wanted_px[0] / self.size_px[0])
         return np.ones((*wanted_px[::-1], 4), np.float32)
