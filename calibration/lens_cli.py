@@ -5,8 +5,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from capture.arguments import Output, printable
+from capture.arguments import Output
 from capture.output import check_place
+from capture.printable import printable
 
 
 def calibrate_lens(

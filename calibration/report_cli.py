@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from capture.arguments import printable
+from capture.printable import printable
 
 
 def report(

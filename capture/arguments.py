@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter, Token
 
 from capture.errors import InputError
+from capture.printable import printable
 
 
 def _whole_number(_type: Any, tokens: Sequence[Token]) -> int:
@@ -56,13 +57,6 @@ def parse_size(text: str) -> tuple[int, int]:
     if not all(1 <= length <= MAX_SIZE_PX for length in size_px):
         raise InputError(f"width and height must be 1 to {MAX_SIZE_PX}, got {text}")
     return size_px
-
-
-def printable(text: str) -> str:
-    """Return text that may come from a file without what could steer a terminal."""
-    return "".join(
-        letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text
-    )
 
 
 def tell(notes: Sequence[str]) -> None:

@@ -6,6 +6,8 @@ import sys
 from collections.abc import Sequence
 from difflib import get_close_matches
 
+from capture.printable import printable
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; a known error is one line on stderr and exit code 2.
@@ -59,11 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _fail(message: str) -> int:
     # File names are in it, which may hold what steers a terminal.
-    told = "".join(
-        letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}"
-        for letter in " ".join(message.split())
-    )
-    print(f"fishlight: {told}", file=sys.stderr)
+    print(f"fishlight: {printable(' '.join(message.split()))}", file=sys.stderr)
     return 2
 
 

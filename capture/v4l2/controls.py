@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from capture.errors import InputError
 from capture.v4l2 import kernel
-from capture.v4l2.node import VideoNode, printable
+from capture.v4l2.node import VideoNode, device_text
 
 _VALUED = frozenset(
     (kernel.INTEGER, kernel.BOOLEAN, kernel.MENU, kernel.INTEGER64, kernel.INTEGER_MENU)
@@ -51,7 +51,7 @@ def list_controls(node: VideoNode) -> dict[int, Control]:
         if query.type in _VALUED and not query.flags & kernel.CONTROL_DISABLED:
             controls[number] = Control(
                 number=number,
-                name=printable(query.name),
+                name=device_text(query.name),
                 kind=query.type,
                 minimum=query.minimum,
                 maximum=query.maximum,

@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import Self
 
 from capture.errors import CameraLost, InputError
+from capture.printable import printable
 from capture.v4l2 import kernel
 
 _GONE = frozenset((errno.ENODEV, errno.ENXIO, errno.ESHUTDOWN))
@@ -107,7 +108,7 @@ class VideoNode:
             raise InputError(f"{self.path}: not a video device") from None
         tells_own = answer.capabilities & kernel.HAS_DEVICE_CAPABILITIES
         abilities = answer.device_caps if tells_own else answer.capabilities
-        card = printable(answer.card)
+        card = device_text(answer.card)
         if not abilities & kernel.CAN_CAPTURE:
             reason = (
                 "sends its planes in separate buffers, which is not supported"
@@ -117,12 +118,9 @@ class VideoNode:
             raise InputError(f"{self.path} ({card}): {reason}")
         if not abilities & kernel.CAN_STREAM:
             raise InputError(f"{self.path} ({card}): cannot stream into buffers")
-        return card, printable(answer.driver)
+        return card, device_text(answer.driver)
 
 
-def printable(name: bytes) -> str:
+def device_text(name: bytes) -> str:
     """Return a name that a device gave, without what would steer a terminal or spoil a manifest."""
-    return "".join(
-        letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}"
-        for letter in name.decode(errors="replace")
-    )
+    return printable(name.decode(errors="replace"))
