@@ -17,18 +17,23 @@ from dataclasses import replace
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from render.scenes.casters import Casters
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int32]
-Flags = NDArray[np.bool_]
+from render.scenes.face_planes import Floats, area_normal, off_planes, planes_of, set_plane
+from render.scenes.vertex_faces import (
+    GONE,
+    Flags,
+    Indices,
+    faces_of_vertices,
+    has,
+    rim,
+    shared_count,
+    valence,
+)
 
 _SHARES = (1 / 8, 1)  # of the error: what changes little goes first
 _WORTH_A_PASS = 0.1  # of the triangles
 _ALIKE = 0.2  # cosine between a triangle's normals before and after
-_DEAD = -1
 
 
 def shadow_proxy(casters: Casters, error_m: float) -> Casters:
@@ -50,16 +55,16 @@ def shadow_proxy(casters: Casters, error_m: float) -> Casters:
     is_open = np.arange(len(faces)) >= len(casters.closed_faces)
     positions = casters.positions.astype(np.float64)
     off_m = np.full(len(positions), casters.error_m)
-    starts, of_vertex = _faces_of_vertices(faces, len(positions))
-    is_rim = _rim(faces, starts, of_vertex)
+    starts, of_vertex = faces_of_vertices(faces, len(positions))
+    is_rim = rim(faces, starts, of_vertex)
     for share in _SHARES:
         before = math.inf
         while len(faces) < (1 - _WORTH_A_PASS) * before:
             before = len(faces)
             _collapse_edges(positions, off_m, is_rim, faces, starts, of_vertex, share * error_m)
-            is_left = faces[:, 0] != _DEAD
+            is_left = faces[:, 0] != GONE
             faces, is_open = faces[is_left], is_open[is_left]
-            starts, of_vertex = _faces_of_vertices(faces, len(positions))
+            starts, of_vertex = faces_of_vertices(faces, len(positions))
     used, index = np.unique(faces, return_inverse=True)
     faces = index.reshape(-1, 3).astype(np.int32)
     return replace(
@@ -69,26 +74,6 @@ def shadow_proxy(casters: Casters, error_m: float) -> Casters:
         open_faces=faces[is_open],
         error_m=error_m,
     )
-
-
-@njit(cache=True, nogil=True)
-def _faces_of_vertices(
-    faces: Indices, vertices: int
-) -> tuple[Indices, Indices]:  # pragma: no cover - compiled
-    """Return where each vertex' faces begin in a list of them, (V + 1,), and that list."""
-    starts = np.zeros(vertices + 1, np.int32)
-    for face in range(len(faces)):
-        for k in range(3):
-            starts[faces[face, k] + 1] += 1
-    for vertex in range(vertices):
-        starts[vertex + 1] += starts[vertex]
-    of_vertex = np.empty(3 * len(faces), np.int32)
-    place = starts.copy()
-    for face in range(len(faces)):
-        for k in range(3):
-            of_vertex[place[faces[face, k]]] = face
-            place[faces[face, k]] += 1
-    return starts, of_vertex
 
 
 @njit(cache=True, nogil=True)
@@ -107,11 +92,11 @@ def _collapse_edges(
     """
     is_merged = np.zeros(len(positions), np.bool_)  # its list of faces is not up to date
     seen_from = np.full(len(positions), -1, np.int32)
-    planes = _planes(positions, faces)
+    planes = planes_of(positions, faces)
     place, best = np.empty(3), np.empty(3)
     for face in range(len(faces)):
         for side in range(3):
-            if faces[face, 0] == _DEAD:
+            if faces[face, 0] == GONE:
                 break
             a, b = faces[face, side], faces[face, (side + 1) % 3]
             if is_merged[a] or is_merged[b]:
@@ -128,8 +113,8 @@ def _collapse_edges(
                 if share == 0.5 and not is_rim[a]:
                     _centre(planes, faces, starts, of_vertex, a, b, place)
                 off = max(
-                    _off_planes(planes, faces, starts, of_vertex, a, place, least_m),
-                    _off_planes(planes, faces, starts, of_vertex, b, place, least_m),
+                    off_planes(planes, faces, starts, of_vertex, a, place, least_m),
+                    off_planes(planes, faces, starts, of_vertex, b, place, least_m),
                 )
                 if is_rim[a] and is_rim[b]:
                     for end in (a, b):
@@ -167,18 +152,18 @@ def _merge_faces(
 ) -> None:  # pragma: no cover - compiled
     """Give b's triangles to a, and mark those that have both as gone."""
     for face in of_vertex[starts[b] : starts[b + 1]]:
-        if faces[face, 0] == _DEAD:
+        if faces[face, 0] == GONE:
             continue
-        if _has(faces, face, a):
-            faces[face, 0] = _DEAD
+        if has(faces, face, a):
+            faces[face, 0] = GONE
             continue
         for k in range(3):
             if faces[face, k] == b:
                 faces[face, k] = a
-        _set_plane(planes, positions, faces, face)
+        set_plane(planes, positions, faces, face)
     for face in of_vertex[starts[a] : starts[a + 1]]:
-        if faces[face, 0] != _DEAD:
-            _set_plane(planes, positions, faces, face)
+        if faces[face, 0] != GONE:
+            set_plane(planes, positions, faces, face)
 
 
 @njit(nogil=True)
@@ -196,7 +181,7 @@ def _centre(
     u = v = w = 0.0
     for vertex in (a, b):
         for face in of_vertex[starts[vertex] : starts[vertex + 1]]:
-            if faces[face, 0] != _DEAD:
+            if faces[face, 0] != GONE:
                 x, y, z, offset = planes[face]
                 above = x * place[0] + y * place[1] + z * place[2] + offset
                 low, high = min(low, above), max(high, above)
@@ -226,9 +211,9 @@ def _stays_a_surface(
     """
     shared = 0
     for face in of_vertex[starts[a] : starts[a + 1]]:
-        if faces[face, 0] == _DEAD:
+        if faces[face, 0] == GONE:
             continue
-        is_shared = _has(faces, face, b)
+        is_shared = has(faces, face, b)
         shared += is_shared
         for k in range(3):
             corner = faces[face, k]
@@ -238,7 +223,7 @@ def _stays_a_surface(
             # With three triangles around it, two would be left, back to back.
             if is_shared and (
                 is_merged[corner]
-                or (not is_rim[corner] and _valence(faces, starts, of_vertex, corner) < 4)
+                or (not is_rim[corner] and valence(faces, starts, of_vertex, corner) < 4)
             ):
                 return False
     are_rim = is_rim[a] and is_rim[b]
@@ -246,7 +231,7 @@ def _stays_a_surface(
         return False
     common = 0
     for face in of_vertex[starts[b] : starts[b + 1]]:
-        if faces[face, 0] == _DEAD:
+        if faces[face, 0] == GONE:
             continue
         for k in range(3):
             corner = faces[face, k]
@@ -254,27 +239,6 @@ def _stays_a_surface(
                 seen_from[corner] = -1
                 common += 1
     return common == shared
-
-
-@njit(nogil=True)
-def _off_planes(
-    planes: Floats,
-    faces: Indices,
-    starts: Indices,
-    of_vertex: Indices,
-    vertex: int,
-    place: Floats,
-    enough: float,
-) -> float:  # pragma: no cover - compiled
-    """Return how far at most a place is from the planes around a vertex, or more than enough."""
-    off = 0.0
-    for face in of_vertex[starts[vertex] : starts[vertex + 1]]:
-        if faces[face, 0] != _DEAD:
-            x, y, z, w = planes[face]
-            off = max(off, abs(x * place[0] + y * place[1] + z * place[2] + w))
-            if off >= enough:
-                break
-    return off
 
 
 @njit(nogil=True)
@@ -292,9 +256,9 @@ def _off_rim(
     for face in of_vertex[starts[vertex] : starts[vertex + 1]]:
         for k in range(3):
             other = faces[face, k]
-            if faces[face, 0] == _DEAD or other == vertex or not is_rim[other]:
+            if faces[face, 0] == GONE or other == vertex or not is_rim[other]:
                 continue
-            if _shared(faces, starts, of_vertex, vertex, other) != 1:
+            if shared_count(faces, starts, of_vertex, vertex, other) != 1:
                 continue
             length2 = along = distance2 = 0.0
             for i in range(3):
@@ -320,12 +284,12 @@ def _turns(
 ) -> bool:  # pragma: no cover - compiled
     """Whether a triangle of `vertex` that `other` has no part in turns when it moves to `place`."""
     for face in of_vertex[starts[vertex] : starts[vertex + 1]]:
-        if faces[face, 0] == _DEAD or _has(faces, face, other):
+        if faces[face, 0] == GONE or has(faces, face, other):
             continue
         k = 0
         while faces[face, k] != vertex:
             k += 1
-        x, y, z = _area_normal(
+        x, y, z = area_normal(
             place, positions[faces[face, (k + 1) % 3]], positions[faces[face, (k + 2) % 3]]
         )
         area = math.sqrt(x * x + y * y + z * z)
@@ -333,74 +297,3 @@ def _turns(
         if x * u + y * v + z * w <= _ALIKE * area and (u != 0 or v != 0 or w != 0):
             return True
     return False
-
-
-@njit(nogil=True)
-def _planes(positions: Floats, faces: Indices) -> Floats:  # pragma: no cover - compiled
-    """Return each face's plane (F, 4), 0 on it; zeros for a face without area."""
-    planes = np.empty((len(faces), 4))
-    for face in range(len(faces)):
-        _set_plane(planes, positions, faces, face)
-    return planes
-
-
-@njit(nogil=True)
-def _set_plane(
-    planes: Floats, positions: Floats, faces: Indices, face: int
-) -> None:  # pragma: no cover - compiled
-    a, b, c = faces[face]
-    x, y, z = _area_normal(positions[a], positions[b], positions[c])
-    area = math.sqrt(x * x + y * y + z * z)
-    scale = 1 / area if area > 0 else 0.0
-    planes[face, 0], planes[face, 1], planes[face, 2] = scale * x, scale * y, scale * z
-    planes[face, 3] = -scale * (x * positions[a, 0] + y * positions[a, 1] + z * positions[a, 2])
-
-
-@njit(nogil=True)
-def _area_normal(
-    a: Floats, b: Floats, c: Floats
-) -> tuple[float, float, float]:  # pragma: no cover - compiled
-    """Return a triangle's normal, twice as long as its area is large."""
-    x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    u, v, w = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    return y * w - z * v, z * u - x * w, x * v - y * u
-
-
-@njit(cache=True, nogil=True)
-def _rim(
-    faces: Indices, starts: Indices, of_vertex: Indices
-) -> Flags:  # pragma: no cover - compiled
-    """Return which vertices are on edges of a single triangle."""
-    is_rim = np.zeros(len(starts) - 1, np.bool_)
-    for face in range(len(faces)):
-        for k in range(3):
-            a, b = faces[face, k], faces[face, (k + 1) % 3]
-            if _shared(faces, starts, of_vertex, a, b) == 1:
-                is_rim[a] = is_rim[b] = True
-    return is_rim
-
-
-@njit(nogil=True)
-def _shared(
-    faces: Indices, starts: Indices, of_vertex: Indices, a: int, b: int
-) -> int:  # pragma: no cover - compiled
-    """Return how many triangles have both vertices."""
-    count = 0
-    for face in of_vertex[starts[a] : starts[a + 1]]:
-        count += faces[face, 0] != _DEAD and _has(faces, face, b)
-    return count
-
-
-@njit(nogil=True)
-def _valence(
-    faces: Indices, starts: Indices, of_vertex: Indices, vertex: int
-) -> int:  # pragma: no cover - compiled
-    count = 0
-    for face in of_vertex[starts[vertex] : starts[vertex + 1]]:
-        count += faces[face, 0] != _DEAD
-    return count
-
-
-@njit(nogil=True)
-def _has(faces: Indices, face: int, vertex: int) -> bool:  # pragma: no cover - compiled
-    return bool(faces[face, 0] == vertex or faces[face, 1] == vertex or faces[face, 2] == vertex)
