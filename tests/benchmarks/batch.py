@@ -9,8 +9,8 @@ machine what `ms` would be on an idle one.
 Runs that take no time at all show what dealing them out costs the client, the scheduler and the
 workers: milliseconds of their CPU time per frame.
 
-`FISHLIGHT_BATCH_FRAMES=1000 python -m tests.benchmarks.bench batch` takes as many brackets as that;
-few of them are simulated, and seen again and again.
+`FISHLIGHT_BATCH_FRAMES=1000 python -m tests.benchmarks.bench --stages batch` takes as many brackets
+as that; few of them are simulated, and seen again and again.
 """
 
 import os

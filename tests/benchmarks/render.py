@@ -105,7 +105,6 @@ EFFORTS = {
     "n = 4, not averaged": Effort(is_softened=False),
     "n = 4, no key lights": Effort(key_lights=0),
     "n = 4, 16 key lights": Effort(key_lights=16, key_share=0.0),
-    "n = 4, 4 rays to key lights": Effort(key_rays=4),
     "n = 2": Effort(interleaving=2),
     "n = 1": Effort(interleaving=1),
 }
