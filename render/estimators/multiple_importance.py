@@ -4,6 +4,9 @@ Of a direction of density p₁ by the light and p₂ by the BRDF, of which n₁ 
 the first kind counts f L / (n₁ p₁) times n₁ p₁ / (n₁ p₁ + n₂ p₂), the balance heuristic, or times
 (n₁ p₁)² / ((n₁ p₁)² + (n₂ p₂)²), the power heuristic [1]_.
 
+A single direction is of the first kind by chance, and n₁ that chance: the one-sample model [3]_. Of
+more, as many as are due are of each kind, which errs less.
+
 With compensation [2]_ the light is drawn only by what of it is above the map's mean, for the BRDF
 draws the rest well enough.
 
@@ -13,7 +16,11 @@ References
        SIGGRAPH, 1995.
 .. [2] O. Karlík, M. Šik, P. Vévoda, T. Skřivan, J. Křivánek, "MIS Compensation: Optimizing
        Sampling Techniques in Multiple Importance Sampling", SIGGRAPH Asia, 2019.
+.. [3] E. Veach, "Robust Monte Carlo Methods for Light Transport Simulation", PhD thesis, Stanford
+       University, 1997.
 """
+
+import math
 
 import numpy as np
 from numba import njit, prange
@@ -21,7 +28,7 @@ from numba import njit, prange
 from render.estimators.contract import Estimate, Floats, Setting, Shadows
 from render.estimators.lobes import mirror_shares, reflected_density
 from render.estimators.map_tables import MapTables, map_tables
-from render.estimators.points import Points, net, shifted, shifts_of
+from render.estimators.points import Points, net, random, shifted, shifts_of
 from render.estimators.proposals import draw, set_carried
 from render.estimators.shading import (
     FIELDS,
@@ -35,6 +42,8 @@ from render.rays.embree import PACKET
 from render.reference.surfaces import HIT
 
 BALANCE, POWER = 1, 2
+
+_GOLDEN = 0.6180339887498949
 
 
 def multiple_importance(
@@ -51,7 +60,7 @@ def multiple_importance(
     heuristic : int
         `BALANCE` or `POWER`: the exponent of n p.
     light_share : float
-        Of the directions, in [0, 1]; rounded so that each way draws one at least if it has a share.
+        Of the directions, in [0, 1]; `allocation` makes their numbers of it.
     """
     tables = map_tables(setting.environment, is_compensated=is_compensated)
     if not tables.density.any():
@@ -65,8 +74,10 @@ def multiple_importance(
                 tables,
                 heuristic,
                 surfaces,
-                net(by_light),
-                net(samples - by_light),
+                by_light,
+                samples,
+                net(math.ceil(by_light)),
+                net(samples - int(by_light)),
                 seed,
                 radiance,
             )
@@ -75,11 +86,14 @@ def multiple_importance(
     return estimate
 
 
-def allocation(samples: int, light_share: float) -> int:
-    """Return how many of `samples` directions the light draws."""
-    if samples < 2 or light_share in (0.0, 1.0):
-        return round(samples * light_share)
-    return min(max(round(samples * light_share), 1), samples - 1)
+def allocation(samples: int, light_share: float) -> float:
+    """Return how many of `samples` directions the light draws.
+
+    Whole, and each way draws one at least if it has a share; of a single direction, its chance.
+    """
+    if samples == 1 or light_share in (0.0, 1.0):
+        return samples * light_share
+    return float(min(max(round(samples * light_share), 1), samples - 1))
 
 
 @njit(nogil=True, error_model="numpy", forceinline=True)
@@ -96,12 +110,15 @@ def _add(
     tables: MapTables,
     heuristic: int,
     surfaces: Floats,
+    light_samples: float,
+    samples: int,
     of_light: Points,
     of_brdf: Points,
     seed: int,
     radiance: Floats,
 ) -> int:  # pragma: no cover - compiled
     traced = 0
+    brdf_samples = samples - light_samples
     for k in prange(len(surfaces)):
         surface = surfaces[k]
         if surface[HIT].max() == 0:
@@ -110,23 +127,25 @@ def _add(
         light = np.zeros((FIELDS, PACKET), np.float32)
         shifts = shifts_of(seed, k, 0), shifts_of(seed, k, PACKET)
         shares = mirror_shares(surface)
-        for s in range(len(of_light) + len(of_brdf)):
-            by_light = s < len(of_light)
+        turn = random(seed, k, 2 * PACKET, 0)
+        for s in range(samples):
             for i in range(PACKET):
                 if surface[HIT, i] == 0:
                     continue
+                # Where chance decides, it does so evenly over neighbours.
+                by_light = s + (turn + _GOLDEN * i) % 1.0 < light_samples
                 if by_light:
                     u, v = shifted(of_light, s, shifts[0][i])
                 else:
-                    u, v = shifted(of_brdf, s - len(of_light), shifts[1][i])
+                    u, v = shifted(of_brdf, s - int(light_samples), shifts[1][i])
                 row, column, density = draw(tables, by_light, shares[i], surface, u, v, light, i)
                 if by_light:
                     x, y, z = light[TOWARD, i], light[TOWARD + 1, i], light[TOWARD + 2, i]
-                    mine = len(of_light) * density
-                    other = len(of_brdf) * reflected_density(surface, i, shares[i], x, y, z)
+                    mine = light_samples * density
+                    other = brdf_samples * reflected_density(surface, i, shares[i], x, y, z)
                 else:
-                    mine = len(of_brdf) * density
-                    other = np.float64(len(of_light) * tables.density[row, column])
+                    mine = brdf_samples * density
+                    other = light_samples * tables.density[row, column]
                 scale = weight(mine, other, heuristic) / mine if mine > 0 else 0.0
                 set_carried(tables, row, column, scale, light, i)
             reflect(shadows, surface, light)

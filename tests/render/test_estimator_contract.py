@@ -62,6 +62,34 @@ def test_the_mean_is_the_sum_over_the_sky(name, held):
     assert abs(whole.mean() - expected) < 4 * whole.std() / math.sqrt(copies) + 0.003 * expected
 
 
+def test_one_or_two_directions_have_the_truth_as_their_mean(held):
+    expected = (truth() > 0).sum()
+    scale = np.where(truth() > 0, truth(), 1)
+    # What is rarely kept is far from normal, and has its test above.
+    for name in sorted(name for name in UNBIASED if not name.startswith("rejection")):
+        for samples in (1, 2):
+            drawn = estimates(
+                name, estimator_scene.uneven_map(), held, copies=4 * COPIES, samples=samples
+            )
+            whole = (drawn / scale).sum(axis=(1, 2))
+            limit = 4 * whole.std() / math.sqrt(len(whole)) + 0.003 * expected
+            assert abs(whole.mean() - expected) < limit, (name, samples)
+
+
+@pytest.mark.parametrize("name", ["mis-balance", "mis-power", "mis-compensated"])
+def test_one_direction_of_either_kind_spreads_little_more_than_the_better_kind(name, held):
+    radiance = estimator_scene.uneven_map().radiance.copy()
+    radiance[2, 11] = 1e4  # a sun: directions drawn by what surfaces reflect miss it
+    light = estimator_scene.environment(radiance)
+    # Each kind draws half: E[(f/p)²] is at most twice that of either one alone.
+    mean_squares = [
+        (estimates(each, light, held, copies=8 * COPIES, samples=1) ** 2).mean(axis=0)
+        for each in (name, "inverse-cdf")
+    ]
+    lit = mean_squares[1] > 0
+    assert (mean_squares[0][lit] < 2.5 * mean_squares[1][lit]).all()
+
+
 @pytest.mark.parametrize("name", FIXED)
 def test_many_fixed_lights_come_near_the_sum_over_the_sky(name, held):
     light = estimator_scene.uneven_map(rows=16)
