@@ -18,6 +18,8 @@ from lighting.maps.environment import EnvironmentMap
 from render.reference.surfaces import Tables
 
 Floats = NDArray[np.float32]
+Memory = dict[int, NDArray[np.float64]]
+"""What an estimator learns of a scene from pass to pass, by the number of samples."""
 
 
 class Shadows(NamedTuple):
@@ -51,12 +53,15 @@ class Setting(NamedTuple):
         What surfaces look like that rays may meet.
     bounces : int
         Surfaces that light may meet on its way to the eye; above 1 for `paths` alone.
+    memory : dict or None
+        Of the same setting, to go on from; it is added to. None to begin with none.
     """
 
     environment: EnvironmentMap
     shadows: Shadows
     scene: Tables
     bounces: int = 1
+    memory: Memory | None = None
 
 
 Estimate = Callable[[Floats, int, int, Floats], int]

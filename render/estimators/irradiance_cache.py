@@ -3,7 +3,8 @@
 What of the map is far above its mean is taken out and drawn directly, as sources are in [1]_: few
 rays of a record would meet it, and its shadows are sharp. Of the rest, matt surfaces get what
 records hold: where none of irradiance_records.py fits a surface, one is measured there. Records are
-kept for all later passes of the picture. Mirrors see the rest by their lobe.
+kept for all later passes of the picture, and with what it has so far when it is interrupted.
+Mirrors see the rest by their lobe.
 
 Fails  : passes do not tell the error of records, which stays as it is: shadows of the rest are
          smoothed (tests/limits/test_irradiance_records.py). A dielectric's matt part of the rest is
@@ -17,7 +18,6 @@ References
 
 import math
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 from numba import njit, prange
@@ -52,23 +52,20 @@ _GOLDEN = 0.6180339887498949
 
 
 def irradiance_cache(setting: Setting) -> Estimate:
-    """Prepare an empty cache; a record takes 64 times as many rays as there are samples."""
+    """Prepare to fill a cache; a record takes 64 times as many rays as there are samples."""
     peaks, rest = split(setting.environment)
     tables = map_tables(rest)
     mirrors = brdf(setting._replace(environment=rest))
     sources = multiple_importance(setting._replace(environment=peaks))
 
-    @cache
-    def records_of(_samples: int) -> list[Array]:
-        return [np.zeros((0, FIELDS))]
+    memory = {} if setting.memory is None else setting.memory
 
     def estimate(surfaces: Floats, samples: int, seed: int, radiance: Floats) -> int:
-        held = records_of(samples)
+        known = memory.get(samples, np.zeros((0, FIELDS)))
         rings = max(round(math.sqrt(_STRATA_PER_SAMPLE * samples / math.pi)), 2)
-        known = len(held[0])
-        held[0] = filled(setting.shadows, tables, rings, surfaces, seed, held[0])
-        _interpolate(held[0], surfaces, radiance)
-        traced = (len(held[0]) - known) * rings * round(math.pi * rings)
+        records = memory[samples] = filled(setting.shadows, tables, rings, surfaces, seed, known)
+        _interpolate(records, surfaces, radiance)
+        traced = (len(records) - len(known)) * rings * round(math.pi * rings)
         if surfaces[:, F90].any():
             mirroring = surfaces.copy()
             mirroring[:, MATT : MATT + 3] = 0

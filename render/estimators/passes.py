@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from capture.errors import InputError
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
-from render.estimators.contract import Estimate, Floats, Setting, Shadows
+from render.estimators.contract import Estimate, Floats, Memory, Setting, Shadows
 from render.estimators.registry import ESTIMATORS, PATHS
 from render.lights.light_map import map_of_lights
 from render.rays.embree import (
@@ -80,7 +80,10 @@ def estimate_picture(
         If there is no such estimator, or it does not follow light to so many surfaces.
     """
     progress = nothing_yet(camera.size_px) if progress is None else progress
-    with passes_of(name, scene, camera, light, samples=samples, bounces=bounces, seed=seed) as add:
+    with passes_of(
+        name, scene, camera, light, samples=samples, bounces=bounces, seed=seed,
+        memory=progress.memory,
+    ) as add:  # fmt: skip
         accumulate(
             add, progress, error=error, seconds=seconds, most_factor=_MOST_FACTOR, on_pass=on_pass
         )
@@ -97,8 +100,12 @@ def passes_of(
     samples: int = SAMPLES,
     bounces: int = 1,
     seed: int = 0,
+    memory: Memory | None = None,
 ) -> Iterator[AddPass]:
-    """Give what adds passes by an estimator, for `accumulate`; parameters as `estimate_picture`."""
+    """Give what adds passes by an estimator, for `accumulate`; parameters as `estimate_picture`.
+
+    `memory` is as `contract.Setting` has it.
+    """
     if name not in ESTIMATORS:
         raise InputError(f"no estimator is called {name!r}; there are: {', '.join(ESTIMATORS)}")
     if bounces < 1 or (bounces > 1 and name != PATHS):
@@ -115,7 +122,7 @@ def passes_of(
     view = view_of(camera)
     with Occluders(tables.positions, tables.faces, is_watertight=False) as occluders:
         shadows = Shadows(occluded16_address(), occluders.address, tables.sphere, lowest)
-        estimate = ESTIMATORS[name](Setting(environment, shadows, tables, bounces))
+        estimate = ESTIMATORS[name](Setting(environment, shadows, tables, bounces, memory))
 
         def add(number: int, factor: int, sums: Sums) -> None:
             each = int(np.random.default_rng([seed, number]).integers(1 << 62))

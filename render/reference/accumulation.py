@@ -12,7 +12,7 @@ Fails  : fewer than `LEAST_PASSES` tell too little about their spread.
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,8 @@ class Progress:
         `LEAST_PASSES`.
     may_grow : bool
         Whether it is still open how many rays a pass should have.
+    memory : dict of arrays
+        What those who add passes have learned from them, by the number of samples.
     """
 
     sums: Sums
@@ -61,6 +63,7 @@ class Progress:
     pass_s: float = 0.0
     relative_error: float = math.inf
     may_grow: bool = True
+    memory: dict[int, NDArray[np.float64]] = field(default_factory=dict)
 
 
 def nothing_yet(size_px: tuple[int, int]) -> Progress:

@@ -18,6 +18,8 @@ from capture.output import replacing
 from render.reference.accumulation import Progress
 from render.reference.passes import Sums
 
+_MEMORY = "memory of samples "
+
 
 def checkpoint_of(output: Path) -> Path:
     """Return where the checkpoint of an output lies: beside it."""
@@ -43,6 +45,8 @@ def write_checkpoint(path: Path, progress: Progress, digest: str) -> None:
     InputError
         If the file cannot be written.
     """
+    memory = {f"{_MEMORY}{samples}": held for samples, held in progress.memory.items()}
+    arrays = progress.sums._asdict() | memory
     with replacing(path) as partial, partial.open("wb") as file:
         np.savez(
             file,
@@ -50,7 +54,7 @@ def write_checkpoint(path: Path, progress: Progress, digest: str) -> None:
             counts=np.array([progress.passes, progress.drawn, progress.factor, progress.may_grow]),
             seconds=np.array([progress.elapsed_s, progress.pass_s]),
             relative_error=np.array(progress.relative_error),
-            **progress.sums._asdict(),
+            **arrays,
         )
 
 
@@ -68,9 +72,16 @@ def read_checkpoint(path: Path, digest: str) -> Progress | None:
             elapsed_s, pass_s = (float(seconds) for seconds in file["seconds"])
             relative_error = float(file["relative_error"])
             sums = Sums(*(file[name] for name in Sums._fields))
+            memory = {
+                int(name.removeprefix(_MEMORY)): file[name]
+                for name in file.files
+                if name.startswith(_MEMORY)
+            }
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None
-    return Progress(sums, passes, drawn, factor, elapsed_s, pass_s, relative_error, bool(may_grow))
+    return Progress(
+        sums, passes, drawn, factor, elapsed_s, pass_s, relative_error, bool(may_grow), memory
+    )
 
 
 def _flat(part: Any) -> Iterable[bytes]:

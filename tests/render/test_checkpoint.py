@@ -205,7 +205,7 @@ def test_the_command_goes_on_and_leaves_only_the_picture(tmp_path, monkeypatch, 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("estimator", [None, "mis-power"])
+@pytest.mark.parametrize("estimator", [None, "mis-power", "irradiance-cache"])
 def test_a_process_killed_at_nine_tenths_goes_on_to_the_same_bits(
     tmp_path, monkeypatch, capsys, estimator
 ):

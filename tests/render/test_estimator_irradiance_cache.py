@@ -16,6 +16,8 @@ from render.estimators.irradiance_records import (
     fit,
 )
 from render.estimators.map_tables import map_tables
+from render.reference.accumulation import nothing_yet
+from render.reference.checkpoint import read_checkpoint, write_checkpoint
 from render.reference.surfaces import F90, FACE_NORMAL, HIT, MATT, NORMAL, ORIGIN, TO_EYE
 from tests.render import estimator_scene
 
@@ -115,6 +117,30 @@ def test_peaks_and_the_rest_are_the_map():
     untouched = luminance(light.radiance) <= PEAK * mean
     assert 0.5 < untouched.mean() < 1
     assert not peaks.radiance[untouched].any()
+
+
+def test_records_go_on_from_a_checkpoint(tmp_path):
+    rng = np.random.default_rng(4)
+    passes = np.repeat(level()[None], 40, axis=0).reshape(4, 10, *level().shape)
+    passes[:, :, ORIGIN, 0], passes[:, :, ORIGIN + 2, 0] = rng.uniform(-1.5, 1.5, (2, 4, 10))
+    with estimator_scene.occluders() as held:
+
+        def after(memory, numbers):
+            setting = estimator_scene.setting(smooth_map(), held)._replace(memory=memory)
+            estimate = irradiance_cache(setting)
+            radiance = np.zeros((10, 3, 16), np.float32)
+            rays = [estimate(passes[number], 64, number, radiance) for number in numbers]
+            return radiance, rays
+
+        progress = nothing_yet((4, 4))
+        after(progress.memory, range(2))
+        write_checkpoint(tmp_path / "p", progress, "it")
+        kept = read_checkpoint(tmp_path / "p", "it").memory
+        whole, again = after({}, range(4)), after(kept, range(2, 4))
+        whole_after = after(progress.memory, range(2, 4))
+    np.testing.assert_array_equal(again[0], whole_after[0])
+    assert 0 < again[1][0] < whole[1][0]
+    assert again[1] == whole[1][2:]
 
 
 def test_a_floor_from_few_records_is_the_sum_over_the_sky():
