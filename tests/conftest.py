@@ -1,5 +1,12 @@
 """What tests of every stage may ask for: `ctx`, the OpenGL context of this process."""
 
+import os
+
+# As the command does, before numpy is loaded: threads that wait sleep, and leave their core to the
+# other test process.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 from collections.abc import Iterator
 from typing import Any
 
