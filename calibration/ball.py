@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from calibration.ball_cone import Pinhole
 from calibration.ball_outline import Outline
-from calibration.camera import LEVEL, Calibration
+from calibration.camera import LEVEL, Calibration, yaw_rotation
 from calibration.models.mirror_ball import MirrorBall
 from calibration.models.mirror_ball_off_axis import MirrorBallOffAxis
 from calibration.reflectance import straight_reflectance
@@ -165,13 +165,11 @@ def pose(yaw_rad: float, pitch_rad: float, roll_rad: float) -> Array:
     Level and looking along +Z, it is rolled clockwise, as seen from behind it, then pitched up,
     then turned to the left as seen from above: toward +X.
     """
-    cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
-    yaw = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
     cosine, sine = np.cos(pitch_rad), np.sin(pitch_rad)
     pitch = np.array([[1, 0, 0], [0, cosine, sine], [0, -sine, cosine]])
     cosine, sine = np.cos(roll_rad), np.sin(roll_rad)
     roll = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
-    return yaw @ pitch @ LEVEL @ roll
+    return yaw_rotation(yaw_rad) @ pitch @ LEVEL @ roll
 
 
 def _model(pinhole: Pinhole, cone: Array, ratio: float | None) -> MirrorBall | MirrorBallOffAxis:

@@ -25,6 +25,15 @@ _ROUNDING_RAD = 1e-12
 """What rounding may add to the angle of a pixel on the valid angle itself."""
 
 
+def yaw_rotation(yaw_rad: float) -> NDArray[np.float64]:
+    """Return the rotation (3, 3) about the world's +Y that takes +Z toward +X.
+
+    Counter-clockwise as seen from above: it turns a camera to the left.
+    """
+    cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
+    return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
+
+
 class CameraModel(Protocol):
     """A lens: where a direction lands in the picture, and which direction a pixel sees.
 

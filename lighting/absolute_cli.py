@@ -146,7 +146,7 @@ def recover(
     output: Output,
     illuminance_lx: float,
     facing: Triple = "up",
-    disc_deg: float = 0.53,
+    disc_deg: float = 0.533,
     spread: Switch = False,
     direction: Triple | None = None,
     force: Switch = False,
@@ -164,7 +164,7 @@ def recover(
     facing
         Which way it faced: up, down, +X, -X, +Z, -Z, or X,Y,Z in the world.
     disc_deg
-        Diameter of the disc that the missing light is given to.
+        Diameter of the disc that the missing light is given to; the sun's if not given.
     spread
         Spread the light over all that is clipped instead, as for a lamp.
     direction

@@ -13,9 +13,6 @@ from capture.arrays import read_only
 from capture.radiance import RELATIVE
 from lighting.sphere import harmonics
 
-SUN_RADIUS_RAD = np.radians(0.2665)
-"""Mean angular radius of the sun's disc."""
-
 _ROUNDING = 1e-9
 _DEGREES = (slice(0, 1), slice(1, 4), slice(4, 9))
 

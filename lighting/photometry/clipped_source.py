@@ -21,10 +21,8 @@ from capture.radiance import CD_M2
 from lighting.maps.environment import EnvironmentMap, luminance
 from lighting.photometry.disc import disc_shares
 from lighting.photometry.illuminance import cosine_weights, surface_illuminance, unit
+from lighting.sphere.caps import SUN_RADIUS_RAD
 from lighting.sphere.latlong import cell_directions, solid_angles
-
-SUN_RADIUS_RAD = np.radians(0.53 / 2)
-"""The sun's mean angular radius, as seen from the Earth."""
 
 _LEAST_COSINE = 0.05
 _NEAR_RAD = np.radians(5.0)

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.camera import yaw_rotation
 from capture.errors import InputError
-from lighting.light_set import SUN_RADIUS_RAD
 from lighting.maps.environment import EnvironmentMap, luminance
+from lighting.sphere.caps import SUN_RADIUS_RAD
 from lighting.sphere.latlong import cell_directions, direction_to_grid, solid_angles
 
 _GLARE_RAD = np.radians(3.0)
@@ -186,7 +187,7 @@ def scenario(
         discs = []
         if sun is not None:
             passed = 1 - (1 - _CLOUD_TRANSMITTANCE) * cover
-            direction = _yaw_matrix(yaw_rad) @ sun.direction
+            direction = yaw_rotation(yaw_rad) @ sun.direction
             discs.append(replace(sun, direction=direction, irradiance=passed * sun.irradiance))
         if lamp:
             discs.append(_lamp(progress, maps[0]))
@@ -244,8 +245,3 @@ def _cloud_cover(progress: float) -> float:
         return x * x * (3 - 2 * x)
 
     return smooth_step((progress - 0.2) / 0.2) - smooth_step((progress - 0.6) / 0.2)
-
-
-def _yaw_matrix(yaw_rad: float) -> NDArray[np.float64]:
-    cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
-    return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import InputError
-from lighting.light_set import SUN_RADIUS_RAD
 from lighting.maps.environment import EnvironmentMap, luminance
 from lighting.simulation.point_sources import shares_of_points
 from lighting.simulation.scenario import Disc
+from lighting.sphere.caps import SUN_RADIUS_RAD
 from lighting.sphere.latlong import cell_directions, solid_angles
 
 Array = NDArray[np.float64]

@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+SUN_RADIUS_RAD = np.radians(0.2665)
+"""Mean angular radius of the sun's disc as seen from the Earth."""
+
 _SMALLEST_RADIUS_RAD = 1e-4
 _ROUNDING = 1e-12
 

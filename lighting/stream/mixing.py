@@ -9,8 +9,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lighting.light_set import SUN_RADIUS_RAD, LightSet
+from lighting.light_set import LightSet
 from lighting.maps.environment import LUMINANCE_WEIGHTS
+from lighting.sphere.caps import SUN_RADIUS_RAD
 from lighting.stream.matching import stable_matching
 
 Array = NDArray[np.float64]

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.camera import yaw_rotation
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from lighting.sphere import harmonics
@@ -19,7 +20,7 @@ def turned_lights(lights: LightSet, yaw_rad: float) -> LightSet:
     """Return the lights, and their fill, turned by `yaw_rad`."""
     if yaw_rad == 0.0:
         return lights
-    rotation = _rotation(yaw_rad)
+    rotation = yaw_rotation(yaw_rad)
     points = _spread_points()
     back = harmonics.basis(points @ rotation)  # rows are R⁻¹ p
     turn = np.linalg.lstsq(harmonics.basis(points), back, rcond=None)[0]
@@ -41,11 +42,6 @@ def turned_map(environment: EnvironmentMap, yaw_rad: float) -> EnvironmentMap:
         np.roll(environment.clipped, cells, axis=1),
         environment.scale,
     )
-
-
-def _rotation(yaw_rad: float) -> NDArray[np.float64]:
-    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-    return np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
 
 
 def _spread_points() -> NDArray[np.float64]:

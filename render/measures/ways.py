@@ -12,6 +12,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.camera import yaw_rotation
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from render.baked.renderer import BakedRenderer
@@ -68,8 +69,7 @@ def ways() -> Iterator[Mapping[str, Way]]:
 
 def turned(lights: LightSet, frame: int) -> LightSet:
     """Return the lights of a frame: every one has turned a little further."""
-    cos, sin = np.cos(frame * _TURN_RAD), np.sin(frame * _TURN_RAD)
-    turn = np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]])
+    turn = yaw_rotation(frame * _TURN_RAD)
     return replace(lights, directions=lights.directions @ turn.T)
 
 

@@ -18,10 +18,10 @@ from calibration.models.equidistant import Equidistant
 from capture.radiance import RadianceImage
 from lighting.blocks.source_blocks import apply_source_blocks, build_source_blocks
 from lighting.blocks.summed_area import block_sums
-from lighting.light_set import SUN_RADIUS_RAD
 from lighting.maps.remap import apply_remap, build_remap
 from lighting.simulation.scenario import Disc, Moment
 from lighting.simulation.simulate import build_view, see
+from lighting.sphere.caps import SUN_RADIUS_RAD
 from lighting.sphere.latlong import cell_directions, solid_angles
 from tests.environments import environment, irradiance, normals, outdoors
 

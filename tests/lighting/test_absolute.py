@@ -24,8 +24,9 @@ from lighting.photometry.absolute_scale import (
     scale_from_illuminance,
     scale_from_luminance,
 )
-from lighting.photometry.clipped_source import SUN_RADIUS_RAD, recover_clipped
+from lighting.photometry.clipped_source import recover_clipped
 from lighting.photometry.illuminance import FACINGS, sphere_illuminance, surface_illuminance
+from lighting.sphere.caps import SUN_RADIUS_RAD
 from lighting.sphere.latlong import cell_directions, direction_to_grid, solid_angles
 from render.main import main
 

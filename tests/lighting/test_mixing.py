@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lighting.light_set import SUN_RADIUS_RAD, LightSet
+from lighting.light_set import LightSet
 from lighting.maps.environment import luminance
+from lighting.sphere.caps import SUN_RADIUS_RAD
 from lighting.stream.mixing import MOST_FADING, mixed
 from tests.lighting_sets import assert_same_lights, random_set, towards
 

@@ -10,11 +10,11 @@ from lighting.adaptive import prediction
 from lighting.adaptive.cell_tree import grow_tree, tree_sums
 from lighting.blocks.block_grid import block_grid
 from lighting.blocks.summed_area import block_sums, summed_area_tables
-from lighting.light_set import SUN_RADIUS_RAD
 from lighting.measures.error_measures import behind_occluders, errors, truth
 from lighting.reduce import reduce_to_lights
 from lighting.simulation.sequences import SEQUENCES, Sequence, Source, frames
 from lighting.sphere import harmonics
+from lighting.sphere.caps import SUN_RADIUS_RAD
 from lighting.sphere.latlong import cell_directions
 from tests.environments import constant, environment, outdoors
 
