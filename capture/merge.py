@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from capture.frame import Bracket, Frame
 from capture.merge_colours import in_colours
-from capture.merge_kernel import merge_counts
+from capture.merge_kernel import merge_counts, merge_counts_alone
 from capture.picture_memory import PictureMemory
 from capture.radiance import RadianceImage, clean_radiance
 from capture.sensor import Sensor
@@ -29,7 +29,11 @@ count below it: far enough that noise alone leaves out one value in thirty thous
 
 
 def merge_bracket(
-    bracket: Bracket, sensor: Sensor, memory: PictureMemory | None = None
+    bracket: Bracket,
+    sensor: Sensor,
+    memory: PictureMemory | None = None,
+    *,
+    is_beside: bool = False,
 ) -> RadianceImage:
     """Return the maximum-likelihood radiance of a bracket, with its variance and its marks.
 
@@ -77,6 +81,8 @@ def merge_bracket(
     memory : PictureMemory or None
         Where the picture goes, for a stream of brackets: nothing is then allocated for each. Not
         used for float counts.
+    is_beside : bool
+        Merge on the calling thread alone, beside the one that owns all parallel kernels.
 
     Raises
     ------
@@ -90,7 +96,8 @@ def merge_bracket(
     picture = (memory or PictureMemory()).arrays(frames[0].size_px)
     picture.valid[:] = True
     step = 1.0 / (sensor.white_dn - sensor.black_dn)
-    merge_counts(
+    merge = merge_counts_alone if is_beside else merge_counts
+    merge(
         _flat_counts(frames),
         np.array([frame.exposure.light for frame in frames], np.float32),
         np.array([1.0 / frame.exposure.gain for frame in frames], np.float32),

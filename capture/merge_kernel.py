@@ -58,34 +58,58 @@ def merge_counts(
     in squared linear values at gain 1.
     """
     for task in prange((clipped.size + _TASK_PX - 1) // _TASK_PX):
-        work = _aligned(_FIRST_EXPOSURE + 2 * len(light), _BLOCK_VALUES)
-        values_and_steps = _aligned(1, 2 * _BLOCK_VALUES)[0]
-        values_and_steps[:] = 0
-        pairs = values_and_steps.view(np.uint64)
-        for first in range(_TASK_PX * task, min(_TASK_PX * (task + 1), clipped.size), _BLOCK_PX):
-            last = min(first + _BLOCK_PX, clipped.size)
-            values, full = slice(3 * first, 3 * last), clipped[first:last]
-            _clear(work, full)
-            for k in range(len(light)):
-                counts, to_base, light_k = frames[k][values], inverse_gain[k], light[k]
-                if table.size == 0:
-                    _scale(counts, black_dn, step, values_and_steps)
-                else:
-                    _look_up(counts, table[0], table[1], table[2], pairs)
-                row, full_at_base = _FIRST_EXPOSURE + 2 * k, saturation * to_base
-                if k < shortest_count:
-                    _keep(values_and_steps, to_base, read_variance, light_k, work, row)
-                    _mark_full(work, row, full_at_base, full)
-                else:
-                    doubt = squared_contradiction * light_k * light_k
-                    _choose(
-                        values_and_steps, to_base, read_variance, light_k, full_at_base, doubt,
-                        photon_variance, work, row,
-                    )  # fmt: skip
-            _begin(photon_variance, work)
-            for k in range(len(light)):
-                _weigh(light[k], work, _FIRST_EXPOSURE + 2 * k)
-            _finish(work, radiance[values], variance[values])
+        _merge_task(
+            task, frames, light, inverse_gain, shortest_count, table, black_dn, step, saturation,
+            photon_variance, read_variance, squared_contradiction, radiance, variance, clipped,
+        )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def merge_counts_alone(  # type: ignore[no-untyped-def]
+    frames, light, inverse_gain, shortest_count, table, black_dn, step, saturation,
+    photon_variance, read_variance, squared_contradiction, radiance, variance, clipped,
+):  # fmt: skip
+    """Do what `merge_counts` does, to the bit, on the thread that calls."""
+    for task in range((clipped.size + _TASK_PX - 1) // _TASK_PX):
+        _merge_task(
+            task, frames, light, inverse_gain, shortest_count, table, black_dn, step, saturation,
+            photon_variance, read_variance, squared_contradiction, radiance, variance, clipped,
+        )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _merge_task(  # type: ignore[no-untyped-def]
+    task, frames, light, inverse_gain, shortest_count, table, black_dn, step, saturation,
+    photon_variance, read_variance, squared_contradiction, radiance, variance, clipped,
+):  # fmt: skip
+    work = _aligned(_FIRST_EXPOSURE + 2 * len(light), _BLOCK_VALUES)
+    values_and_steps = _aligned(1, 2 * _BLOCK_VALUES)[0]
+    values_and_steps[:] = 0
+    pairs = values_and_steps.view(np.uint64)
+    for first in range(_TASK_PX * task, min(_TASK_PX * (task + 1), clipped.size), _BLOCK_PX):
+        last = min(first + _BLOCK_PX, clipped.size)
+        values, full = slice(3 * first, 3 * last), clipped[first:last]
+        _clear(work, full)
+        for k in range(len(light)):
+            counts, to_base, light_k = frames[k][values], inverse_gain[k], light[k]
+            if table.size == 0:
+                _scale(counts, black_dn, step, values_and_steps)
+            else:
+                _look_up(counts, table[0], table[1], table[2], pairs)
+            row, full_at_base = _FIRST_EXPOSURE + 2 * k, saturation * to_base
+            if k < shortest_count:
+                _keep(values_and_steps, to_base, read_variance, light_k, work, row)
+                _mark_full(work, row, full_at_base, full)
+            else:
+                doubt = squared_contradiction * light_k * light_k
+                _choose(
+                    values_and_steps, to_base, read_variance, light_k, full_at_base, doubt,
+                    photon_variance, work, row,
+                )  # fmt: skip
+        _begin(photon_variance, work)
+        for k in range(len(light)):
+            _weigh(light[k], work, _FIRST_EXPOSURE + 2 * k)
+        _finish(work, radiance[values], variance[values])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

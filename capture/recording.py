@@ -67,9 +67,11 @@ class Recording:
         return len(self.brackets)
 
     def __iter__(self) -> Iterator[Bracket | UnreadableFrame]:
+        # A core is left to whoever takes the brackets while the next one is decoded.
+        decoders = max(1, min(_DECODERS, (os.cpu_count() or 1) - 1))
         for position in range(len(self)):
             try:
-                yield self.read_bracket(position)
+                yield self._read_bracket(position, decoders)
             except UnreadableFrame as error:
                 yield error
 
@@ -93,9 +95,13 @@ class Recording:
         IndexError
             If there are fewer brackets.
         """
+        return self._read_bracket(position, _DECODERS)
+
+    def _read_bracket(self, position: int, decoders: int) -> Bracket:
+        """Read a bracket, so many frames at a time."""
         records = self.brackets[position]
-        with ThreadPoolExecutor(min(len(records), _DECODERS)) as decoders:
-            frames = tuple(decoders.map(self.read_frame, records))
+        with ThreadPoolExecutor(min(len(records), decoders)) as pool:
+            frames = tuple(pool.map(self.read_frame, records))
         try:
             bracket = Bracket(frames, records[0].bracket)
             self.sensor.check_counts(frames[0].counts.dtype)

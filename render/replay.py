@@ -26,6 +26,7 @@ from capture.merge import merge_bracket
 from capture.output import write_json
 from capture.picture_memory import PictureMemory
 from capture.progress import progress
+from capture.radiance import RadianceImage
 from capture.recording import Recording, open_recording
 from lighting.blocks.block_sums import BlockSums
 from lighting.blocks.source_blocks import apply_source_blocks, build_source_blocks
@@ -153,10 +154,15 @@ def replay(
         ReplayFolder(output, camera.size_px, recorded_rate_hz(recording)) as folder,
     ):
 
-        def process(bracket: Bracket, clock: StageClock, counters: Counters) -> None:
+        def merged(bracket: Bracket) -> tuple[Bracket, RadianceImage]:
+            image = merge_bracket(bracket, recording.sensor, picture_memory, is_beside=True)
+            return bracket, image
+
+        def process(
+            item: tuple[Bracket, RadianceImage], clock: StageClock, counters: Counters
+        ) -> None:
             nonlocal memory, took_ms, clipped_count
-            with clock.stage("merge"):
-                image = merge_bracket(bracket, recording.sensor, picture_memory)
+            bracket, image = item
             counters.merged += 1
             with clock.stage("remap"):
                 environment = apply_remap(remap, image)
@@ -189,7 +195,8 @@ def replay(
                 )
                 radiance = enlarged(drawn, camera.size_px)
             counters.rendered += 1
-            rate.judge(clock.frames[-1], planned, memory)
+            # Merging has the producer's thread to itself, as decoding has.
+            rate.judge(clock.frames[-1] | {"merge": 0.0}, planned, memory)
             took_ms = clock.frames[-1]["lights"] + clock.frames[-1]["render"]
             with clock.stage("write"):
                 folder.write(bracket.index, environment, lights, radiance)
@@ -198,7 +205,7 @@ def replay(
             failures.append(str(error))
             folder.hold()
 
-        counters, clock = run_session(source, process, on_failure=on_failure)
+        counters, clock = run_session(source, process, merge=merged, on_failure=on_failure)
     if counters.rendered == 0:
         raise InputError(
             f"{recording_folder}: not one bracket of {counters.captured} is usable: {failures[0]}"

@@ -1,12 +1,13 @@
 """The session: brackets come in on one thread, pictures are made on another, nothing is lost.
 
-One producer thread owns the source and decodes; the calling thread owns the OpenGL context and
-every numba kernel (numba's default thread pool must not be entered from two threads at once). Every
-bracket ends in exactly one counter.
+One producer thread owns the source and decodes, and merges if it is asked to; the calling thread
+owns the OpenGL context and every parallel numba kernel (numba's default thread pool must not be
+entered from two threads at once). Every bracket ends in exactly one counter.
 
 A source that is as fast as it is asked, a recording, is asked for the next bracket when the one
 before it is taken: decoding and the rest overlap, and no bracket lies waiting for longer than one
-takes. With a queue between them each place in it would add that to the latency.
+takes. With a queue between them each place in it would add that to the latency. A merge by the
+producer fills the core that the rest, of which a third runs on one core, leaves free.
 
 Input  : an iterable of Bracket, or of UnreadableFrame for a bracket that could not be read.
 Output : Counters and per-frame stage times; what is done with a bracket is the caller's `process`.
@@ -21,11 +22,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import astuple, dataclass, field
 from enum import Enum
+from typing import Any, TypeVar, overload
 
 from capture.errors import UnreadableFrame
 from capture.frame import Bracket, FrameSource
 
 END_TO_END = "end to end"
+
+Merged = TypeVar("Merged")
 
 
 class Policy(Enum):
@@ -90,21 +94,45 @@ class StageClock:
             frame[name] = frame.get(name, 0.0) + elapsed_ms
 
     def add(self, name: str, milliseconds: float) -> None:
-        """Add time measured elsewhere (the producer's decoding) to the current frame."""
+        """Add time measured elsewhere (by the producer) to the current frame."""
         self.frames[-1][name] = self.frames[-1].get(name, 0.0) + milliseconds
 
 
 @dataclass(frozen=True)
 class _Delivery:
-    bracket: Bracket | UnreadableFrame
+    content: Any
     start_s: float
-    decode_ms: float
+    stages_ms: dict[str, float]
 
 
+@overload
 def run_session(
     source: FrameSource,
     process: Callable[[Bracket, StageClock, Counters], None],
     *,
+    policy: Policy = ...,
+    on_failure: Callable[[UnreadableFrame], None] = ...,
+    clock: StageClock | None = ...,
+) -> tuple[Counters, StageClock]: ...
+
+
+@overload
+def run_session(
+    source: FrameSource,
+    process: Callable[[Merged, StageClock, Counters], None],
+    *,
+    merge: Callable[[Bracket], Merged],
+    policy: Policy = ...,
+    on_failure: Callable[[UnreadableFrame], None] = ...,
+    clock: StageClock | None = ...,
+) -> tuple[Counters, StageClock]: ...
+
+
+def run_session(
+    source: FrameSource,
+    process: Callable[[Any, StageClock, Counters], None],
+    *,
+    merge: Callable[[Bracket], Any] | None = None,
     policy: Policy = Policy.EVERY,
     on_failure: Callable[[UnreadableFrame], None] = lambda _error: None,
     clock: StageClock | None = None,
@@ -116,8 +144,11 @@ def run_session(
     source : FrameSource
         Iterated on the producer thread.
     process : callable
-        Called on this thread with the bracket, the clock whose current frame is this bracket's,
-        and the counters so far, of which it counts `merged` and `rendered`.
+        Called on this thread with the bracket, or what `merge` made of it, the clock whose current
+        frame is this bracket's, and the counters so far, of which it counts `merged` and
+        `rendered`.
+    merge : callable or None
+        Called on the producer thread, as the stage "merge"; it must enter no parallel kernel.
     policy : Policy
         EVERY asks the source for a bracket when the one before it is taken (replay:
         deterministic); NEWEST takes what comes and drops what still waits (live).
@@ -129,21 +160,22 @@ def run_session(
     Raises
     ------
     Exception
-        Whatever `source` or `process` raised; the producer thread has ended by then.
+        Whatever `source`, `merge` or `process` raised; the producer thread has ended by then.
     """
     counters, clock = Counters(), clock or StageClock()
-    producer = _Producer(source, policy)
+    producer = _Producer(source, merge, policy)
     producer.start()
     try:
         for delivery in producer.deliveries():
             counters.captured, counters.replaced = producer.captured, producer.replaced
-            if isinstance(delivery.bracket, UnreadableFrame):
+            if isinstance(delivery.content, UnreadableFrame):
                 counters.failed += 1
-                on_failure(delivery.bracket)
+                on_failure(delivery.content)
                 continue
             clock.begin_frame()
-            clock.add("decode", delivery.decode_ms)
-            process(delivery.bracket, clock, counters)
+            for stage, elapsed_ms in delivery.stages_ms.items():
+                clock.add(stage, elapsed_ms)
+            process(delivery.content, clock, counters)
             clock.add(END_TO_END, 1e3 * (time.perf_counter() - delivery.start_s))
     finally:
         producer.stop()
@@ -154,11 +186,14 @@ def run_session(
 class _Producer(threading.Thread):
     """Iterates the source until its end, an exception or `stop`; at most one bracket waits."""
 
-    def __init__(self, source: FrameSource, policy: Policy) -> None:
+    def __init__(
+        self, source: FrameSource, merge: Callable[[Bracket], Any] | None, policy: Policy
+    ) -> None:
         super().__init__(name="fishlight-producer", daemon=True)
         self.captured = 0
         self.replaced = 0
         self._source = source
+        self._merge = merge
         self._policy = policy
         self._waiting: queue.SimpleQueue[_Delivery | None] = queue.SimpleQueue()
         self._wanted = threading.Semaphore(1)
@@ -188,20 +223,26 @@ class _Producer(threading.Thread):
 
     def _deliver(self) -> None:
         iterator = iter(self._source)
+        clock = StageClock(deque(maxlen=1))
         while True:
             if self._policy is Policy.EVERY:
                 self._wanted.acquire()
             if self._is_stopped:
                 return
+            clock.begin_frame()
             start_s = time.perf_counter()
-            bracket = next(iterator, None)
+            with clock.stage("decode"):
+                bracket = next(iterator, None)
             if bracket is None or self._is_stopped:
                 return
-            decode_ms = 1e3 * (time.perf_counter() - start_s)
+            content: Any = bracket
+            if self._merge is not None and not isinstance(bracket, UnreadableFrame):
+                with clock.stage("merge"):
+                    content = self._merge(bracket)
             if self._policy is Policy.NEWEST:
                 self._drop_waiting()
             self.captured += 1
-            self._waiting.put(_Delivery(bracket, start_s, decode_ms))
+            self._waiting.put(_Delivery(content, start_s, clock.frames[-1]))
 
     def _drop_waiting(self) -> None:
         with suppress(queue.Empty):

@@ -18,6 +18,7 @@ from calibration.files import read_calibration
 from capture.frame import Bracket
 from capture.merge import merge_bracket
 from capture.picture_memory import PictureMemory
+from capture.radiance import RadianceImage
 from capture.recording import Recording
 from lighting.blocks.source_blocks import apply_source_blocks, build_source_blocks
 from lighting.maps.remap import apply_remap, build_remap
@@ -79,9 +80,14 @@ def _stream(
     pictures = PictureMemory()
     memory: StreamMemory | None = None
 
-    def process(bracket: Bracket, clock: StageClock, _counters: Counters) -> None:
+    def merged(bracket: Bracket) -> tuple[Bracket, RadianceImage]:
+        return bracket, merge_bracket(bracket, recording.sensor, pictures, is_beside=True)
+
+    def process(
+        item: tuple[Bracket, RadianceImage], clock: StageClock, _counters: Counters
+    ) -> None:
         nonlocal memory
-        image = merge_bracket(bracket, recording.sensor, pictures)
+        bracket, image = item
         view = apply_source_blocks(blocks, image)
         lights, memory = next_lights(view, plan, memory, timestamp_s=bracket.timestamp_s)
         seen = apply_remap(remap, image)
@@ -95,9 +101,9 @@ def _stream(
     folder = None if output is None else ReplayFolder(output, size_px, RATE_HZ)
     start_s, start_cpu_s = time.perf_counter(), time.process_time()
     if folder is None:
-        _, clock = run_session(recording, process)
+        _, clock = run_session(recording, process, merge=merged)
     else:
         with folder:
-            _, clock = run_session(recording, process)
+            _, clock = run_session(recording, process, merge=merged)
     elapsed_s, cpu_s = time.perf_counter() - start_s, time.process_time() - start_cpu_s
     return 1e3 * elapsed_s / len(recording), 1e3 * cpu_s / len(recording), clock

@@ -110,6 +110,14 @@ def test_kernel_equals_the_plain_version(sensor, times_s, gains):
     assert 0 < image.clipped.sum() < image.clipped.size
 
 
+def test_merging_beside_other_kernels_gives_the_same_bits():
+    counts = np.random.default_rng(1).integers(0, 256, (3, 41, 401, 3)).astype(np.uint8)
+    bracket = bracket_of(counts, [0.01, 0.04, 0.16])
+    alone = merge_bracket(bracket, SRGB_8_BIT, is_beside=True)
+    for name, expected in vars(merge_bracket(bracket, SRGB_8_BIT)).items():
+        np.testing.assert_array_equal(getattr(alone, name), expected)
+
+
 def test_more_than_four_exposures():
     counts = np.random.default_rng(5).integers(0, 256, (6, 5, 7, 3), dtype=np.uint8)
     bracket = bracket_of(counts, [4.0**-k for k in range(6)])

@@ -44,6 +44,41 @@ def test_every_bracket_is_processed_in_order_and_timed() -> None:
     assert no_threads_left()
 
 
+def test_the_merge_is_the_producers_and_timed() -> None:
+    seen: list[tuple[int, str]] = []
+    told: list[str] = []
+
+    def merged(item: Bracket) -> tuple[int, str]:
+        time.sleep(0.002)
+        return item.index, threading.current_thread().name
+
+    def process(item: tuple[int, str], _clock: StageClock, _counters: Counters) -> None:
+        seen.append(item)
+
+    source = [bracket(0), UnreadableFrame("frame 1 is truncated"), bracket(2)]
+    _, clock = run_session(
+        source, process, merge=merged, on_failure=lambda error: told.append(str(error))
+    )
+    assert seen == [(0, "fishlight-producer"), (2, "fishlight-producer")]
+    assert told == ["frame 1 is truncated"], "what cannot be read is not merged"
+    for frame in clock.frames:
+        assert frame["merge"] >= 2.0 > frame["decode"]
+        assert frame[END_TO_END] >= frame["decode"] + frame["merge"]
+
+
+def test_an_exception_of_the_merge_is_raised_here() -> None:
+    def merged(item: Bracket) -> Bracket:
+        if item.index == 1:
+            raise ValueError("white level")
+        return item
+
+    seen: list[int] = []
+    with pytest.raises(ValueError, match="white level"):
+        run_session(map(bracket, range(3)), rendering(seen), merge=merged)
+    assert seen == [0]
+    assert no_threads_left()
+
+
 def test_a_slow_consumer_of_a_live_source_sees_the_newest_and_counts_the_rest() -> None:
     seen: list[int] = []
 
