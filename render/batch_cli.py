@@ -59,7 +59,8 @@ def batch(
         and preview (the map and its lights, PNG).
     scheduler
         Address of a dask scheduler, such as tcp://host:8786, whose workers see recordings and
-        output under the same paths as this machine does. Without it, this machine's cores.
+        output under the same paths as this machine does; `dask worker ADDRESS` starts one. Without
+        it, this machine's cores.
     steady
         Smooth what trembles from frame to frame, as `fishlight replay` does.
     height
@@ -86,6 +87,7 @@ def batch(
             calibration_path=calibration,
             scheduler=scheduler,
             on_frames=on_frames,
+            say=lambda text: print(f"fishlight: {text}", file=sys.stderr, flush=True),
         )
     for reason in summary.reasons:
         print(f"fishlight: failed: {reason}", file=sys.stderr)

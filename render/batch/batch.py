@@ -93,6 +93,7 @@ def run_batch(
     worker_count: int | None = None,
     run_length: int = RUN_LENGTH,
     on_frames: Callable[[int, bool], None] = lambda _count, _is_kept: None,
+    say: Callable[[str], None] = lambda _text: None,
 ) -> BatchSummary:
     """Take every frame of all recordings to the results that `settings` ask for.
 
@@ -112,6 +113,8 @@ def run_batch(
         Frames that a worker is given at a time.
     on_frames : callable
         Told how many frames are done, and whether their results were there already.
+    say : callable
+        Told when a scheduler that was named has no workers: they are waited for.
 
     Raises
     ------
@@ -149,12 +152,20 @@ def run_batch(
         def stop(sequence: FrameSequence, error: BaseException) -> None:
             summary.stop(f"{sequence.job.recording.folder}: {error_line(error)}")
 
+        def miss_workers() -> None:
+            if scheduler is not None:  # this machine's own are begun again by themselves
+                say(
+                    f"{scheduler} has no workers; waiting for one. Start it where fishlight is "
+                    f"installed: dask worker {scheduler}"
+                )
+
         unfinished = sequences()
         first = next(unfinished, None)
         if first is not None:
             with connected(scheduler, worker_count) as client:
                 try:
-                    Tracker(client, conclude, stop).run_all(chain([first], unfinished))
+                    tracker = Tracker(client, conclude, stop, miss_workers)
+                    tracker.run_all(chain([first], unfinished))
                 except (
                     FishlightError
                 ) as error:  # the scheduler is lost, or the index's disk is full

@@ -1,10 +1,9 @@
 """Runs dealt out to the workers of a dask cluster, and followed until all that they leave is there.
 
-Three tasks for each run (frames.py): prepare, light, preview. Tasks of the first kind are long and
-are dealt to each worker as it gets free; they leave dask's count of busy threads (`secede`), so
-that the short ones, for which the next run may be waiting, never queue behind them. dask sends
-those to where the prepared frames lie. What goes through the client is a run's record and the place
-of a file, and the lights if there is to be a preview: nothing that is as large as a picture.
+Three tasks for each run (steps.py): prepare, light, preview. Tasks of the first kind are long and
+are dealt to each worker as it gets free; dask sends the others to where the prepared frames lie.
+What goes through the client is a run's record and the place of a file, and the lights if there is
+to be a preview: nothing that is as large as a picture.
 
 A run whose worker is gone is dealt out again: the client looks who is there, since dask would wait
 for that worker to come back.
@@ -19,38 +18,31 @@ Fails  : the scheduler must live; where it does not, what is done is on disk, an
          started again.
 """
 
-import time
-from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 from uuid import uuid4
 
-import numba
-from distributed import CancelledError, Client, Future, KilledWorker, get_worker, secede
+from distributed import CancelledError, Client, Future, KilledWorker
 from distributed.comm.core import CommClosedError
 
 from capture.errors import FishlightError
 from render.batch.attempts import MOST_ATTEMPTS
-from render.batch.frames import (
-    LitRun,
-    PreparedFrame,
-    RunRecord,
-    light_run,
-    prepare_run,
-    preview_run,
-)
+from render.batch.frames import LitRun, RunRecord
 from render.batch.runs import Job, Run
+from render.batch.steps import Steps, seceded, with_share_of_threads
+from render.batch.workers import Workers
 
 _RUNS_PER_THREAD = 3
 """Runs in flight: one being prepared, one whose lights are found, one that waits for its turn."""
 _LIGHT_FIRST, _PREVIEW_NEXT = 2, 1
-_LOOK_S = 2.0
-"""How often to look which workers are there."""
+_MOST_WAIT_S = 2.0
+"""Before it is asked again whether a run's worker is gone."""
 _MOST_LOSSES = 2
 """Workers that may be lost with a run, beside those that its frames are known to have ended."""
 _DEPTH = 4
@@ -76,14 +68,6 @@ class FrameSequence(Protocol):
 
     def conclude(self, run: Run, record: RunRecord) -> None:
         """Go on from the record of the earliest run that is in flight."""
-
-
-class Steps(NamedTuple):
-    """The three tasks of a run, as in frames.py."""
-
-    prepare: Callable[[Job, Run], list[PreparedFrame]] = prepare_run
-    light: Callable[[Job, Run, Sequence[PreparedFrame], str, Path | None], LitRun] = light_run
-    preview: Callable[[Job, Sequence[PreparedFrame], LitRun], None] = preview_run
 
 
 _STEPS = Steps()
@@ -125,6 +109,8 @@ class Tracker:
         Told of the record of each run when all its files are there.
     on_failed : callable
         Told of a sequence that cannot go on, and why. The others do.
+    on_no_workers : callable
+        Told each time that there come to be no workers; it waits for one.
     steps : Steps
         What is done with each run.
     """
@@ -134,6 +120,7 @@ class Tracker:
         client: Client,
         on_concluded: Callable[[RunRecord], None],
         on_failed: Callable[[FrameSequence, BaseException], None],
+        on_no_workers: Callable[[], None] = lambda: None,
         steps: Steps = _STEPS,
     ) -> None:
         self._client = client
@@ -144,9 +131,7 @@ class Tracker:
         self._in_flight: dict[_RunInFlight, None] = {}
         self._lost: deque[_RunInFlight] = deque()
         self._done: SimpleQueue[tuple[_RunInFlight, Future[Any]]] = SimpleQueue()
-        self._threads: dict[str, int] = {}
-        self._looked_s = 0.0
-        self._busy: Counter[str] = Counter()
+        self._workers = Workers(client, on_no_workers)
         self._name = f"fishlight-{uuid4().hex[:8]}"
         self._numbers = count()
 
@@ -165,7 +150,7 @@ class Tracker:
                 if not self._in_flight:
                     return
                 with suppress(Empty):
-                    run, future = self._done.get(timeout=_LOOK_S)
+                    run, future = self._done.get(timeout=_MOST_WAIT_S)
                     if future.key == run.awaited:
                         self._go_on(run, future)
         except (CommClosedError, CancelledError) as error:
@@ -176,25 +161,22 @@ class Tracker:
 
     def _look(self) -> None:
         """Find out from time to time which workers there are, and which runs were with others."""
-        if self._threads and time.monotonic() - self._looked_s < _LOOK_S:
-            return
         try:
-            self._threads = self._client.nthreads()
-            while not self._threads and not self._in_flight:
-                self._client.wait_for_workers(1)
-                self._threads = self._client.nthreads()
+            if not self._workers.look(is_to_wait=not self._in_flight):
+                return
         except OSError as error:
             raise CommClosedError(str(error)) from error
-        self._looked_s = time.monotonic()
         for run in list(self._in_flight):
-            if run.worker and run.worker not in self._threads:
+            if run.worker and run.worker not in self._workers:
                 self._lose(run, FishlightError(f"worker after worker is lost, last {run.worker}"))
 
     def _deal_out(self, sequences: Iterator[FrameSequence]) -> None:
         """Give each thread of each worker a run to prepare, as long as there are any."""
-        most = _RUNS_PER_THREAD * sum(self._threads.values())
-        for worker, thread_count in self._threads.items():
-            while self._busy[worker] < thread_count and (self._lost or len(self._in_flight) < most):
+        most = _RUNS_PER_THREAD * self._workers.thread_count
+        for worker in self._workers:
+            while self._workers.has_free_thread(worker) and (
+                self._lost or len(self._in_flight) < most
+            ):
                 if not self._start_run(worker, sequences):
                     return
 
@@ -212,7 +194,7 @@ class Tracker:
     def _let_go(self, run: _RunInFlight) -> None:
         """Let another run have the worker's thread that this one has, if it has one."""
         if run.worker and not run.is_prepared:
-            self._busy[run.worker] -= 1
+            self._workers.give_back_thread(run.worker)
 
     def _start_run(self, worker: str, sequences: Iterator[FrameSequence]) -> bool:
         if self._lost:
@@ -242,16 +224,16 @@ class Tracker:
 
     def _prepare(self, run: _RunInFlight, worker: str) -> None:
         run.worker = worker
-        self._busy[worker] += 1
+        self._workers.take_thread(worker)
         step, job = self._steps.prepare, run.queue.sequence.job
-        run.prepared = self._submit(run, _prepare, step, job, run.run, workers=[worker])
+        run.prepared = self._submit(run, seceded, step, job, run.run, workers=[worker])
 
     def _light(self, run: _RunInFlight) -> None:
         sequence = run.queue.sequence
         run.follows = run.follows or (sequence.link, sequence.before)
         run.lit = self._submit(
             run,
-            _with_share_of_threads,
+            with_share_of_threads,
             self._steps.light,
             sequence.job,
             run.run,
@@ -320,14 +302,3 @@ class Tracker:
         if not queue.has_failed:  # of one whose last pictures are drawn, too
             queue.has_failed = True
             self._on_failed(queue.sequence, error)
-
-
-def _prepare(step: Callable[[Job, Run], Any], job: Job, run: Run) -> Any:
-    secede()
-    return _with_share_of_threads(step, job, run)
-
-
-def _with_share_of_threads(step: Callable[..., Any], *arguments: Any) -> Any:
-    """Call a step with as many threads of numba's as the worker was given."""
-    numba.set_num_threads(min(get_worker().state.nthreads, numba.get_num_threads()))
-    return step(*arguments)

@@ -2,6 +2,7 @@
 
 import io
 import json
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -46,6 +47,27 @@ def test_a_summary_names_what_failed_and_the_code_says_that_something_did(
     rows = read_sequence_table(tmp_path / "out" / "index.sqlite")
     assert [row.light_count for row in rows] == [4, 4]
     assert rows[0].preview_file is None
+
+
+def test_a_scheduler_without_workers_is_told_at_once_and_waited_for(sky, tmp_path, monkeypatch):
+    with LocalCluster(
+        n_workers=0, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0"
+    ) as cluster:
+
+        class Starting(io.StringIO):
+            """What starts a worker when it is told that there is none."""
+
+            def write(self, text: str) -> int:
+                cluster.scale(1)
+                return super().write(text)
+
+        monkeypatch.setattr("sys.stderr", Starting())
+        wishes = ["--height", 16, "--count", 4, "--stages", "lights"]
+        run("batch", sky, "-o", tmp_path, "--scheduler", cluster.scheduler_address, *wishes)
+        (line,) = sys.stderr.getvalue().splitlines()
+        assert f"dask worker {cluster.scheduler_address}" in line
+    rows = read_sequence_table(tmp_path / "index.sqlite")
+    assert [row.light_count for row in rows] == [4, 4]
 
 
 def test_what_cannot_be_done_is_refused_before_anything_is_begun(sky, tmp_path):

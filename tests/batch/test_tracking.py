@@ -6,7 +6,8 @@ import pytest
 from distributed import Client, LocalCluster
 
 from render.batch.frames import RunRecord
-from render.batch.tracking import Steps, Tracker
+from render.batch.steps import Steps
+from render.batch.tracking import Tracker
 from tests.batch import watched_steps as watched
 from tests.benchmarks.million_frames import SleepingSequence
 
@@ -33,7 +34,7 @@ def track(client: Client, *names: str, frames: int = FRAMES) -> tuple[list[RunRe
         client,
         concluded.append,
         lambda sequence, error: failed.append(f"{sequence.job}: {error}"),
-        Steps(watched.prepare, watched.light, watched.preview),
+        steps=Steps(watched.prepare, watched.light, watched.preview),
     )
     tracker.run_all(iter([SleepingSequence(name, frames) for name in names]))
     return concluded, failed

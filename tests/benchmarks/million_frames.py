@@ -21,7 +21,8 @@ from capture.manifest import FrameRecord
 from lighting.measures.sequence_table import FrameRow
 from render.batch.frames import LitRun, RunRecord
 from render.batch.runs import RUN_LENGTH, Run
-from render.batch.tracking import Steps, Tracker
+from render.batch.steps import Steps
+from render.batch.tracking import Tracker
 
 _TELL_EVERY = 50_000
 
@@ -102,7 +103,9 @@ def simulate_batch(frames: int, recordings: int, slots: int, sleep_s: float) -> 
         ) as cluster,
         Client(cluster) as client,
     ):
-        tracker = Tracker(client, on_concluded, on_failed, Steps(_sleep, light_nothing, _refuse))
+        tracker = Tracker(
+            client, on_concluded, on_failed, steps=Steps(_sleep, light_nothing, _refuse)
+        )
         sequences = (SleepingSequence(sleep_s, frames // recordings) for _ in range(recordings))
         start_s, start_cpu_s = time.perf_counter(), time.process_time()
         tracker.run_all(sequences)
