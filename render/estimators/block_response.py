@@ -20,7 +20,8 @@ _RED, _GREEN, _BLUE = LUMINANCE_WEIGHTS.astype(np.float32)
 _0, _1, _HALF, _PI = np.float32(0), np.float32(1), np.float32(0.5), np.float32(math.pi)
 
 
-@njit(nogil=True, error_model="numpy", fastmath={"contract"})
+# Inlined, or a run that compiles rounds otherwise than those that load what it compiled.
+@njit(nogil=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def respond(
     surface: Floats, x: np.float32, y: np.float32, z: np.float32, radius: np.float32, out: Floats
 ) -> None:  # pragma: no cover - compiled

@@ -62,7 +62,8 @@ _RED, _GREEN, _BLUE = LUMINANCE_WEIGHTS.astype(np.float32)
 _0, _1, _HALF, _PI = np.float32(0), np.float32(1), np.float32(0.5), np.float32(math.pi)
 
 
-@njit(nogil=True, error_model="numpy", fastmath={"contract"})
+# Inlined, or a run that compiles rounds otherwise than those that load what it compiled.
+@njit(nogil=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def reflect(shadows: Shadows, surface: Floats, light: Floats) -> None:  # pragma: no cover
     """Multiply what directions carry by f n·l, 0 from below a surface, its face or the ground."""
     lowest = np.float32(shadows.lowest)
