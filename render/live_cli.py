@@ -158,12 +158,12 @@ def live(
     with (
         PictureWindow(picture_px) if window else nullcontext() as shown,
         LivePicture(desk.models, picture_px) as picture,
-        LiveServer(desk, access, port) as server,
         _stopped_by_signals() as stop,
+        LiveServer(desk, access, port, on_defect=stop.set) as server,
     ):
         print(f"{server.address}\nCtrl-C ends the session.", flush=True)
         if not headless and not window and has_desktop():
-            webbrowser.open(server.address)
+            webbrowser.open(server.address_for_once())
         is_patient = not headless
 
         def run() -> Counters:

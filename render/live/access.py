@@ -1,14 +1,15 @@
 """Who may talk to the server: requests judged by host, origin and token.
 
 A page of another site, whose scripts run in the same browser, must reach nothing: its Origin is not
-ours, and after DNS rebinding its Host is not. Another user of the machine has no token, unless a
-browser was started with it (SECURITY.md).
+ours, and after DNS rebinding its Host is not. Another user of the machine has no token: a browser
+is started with a ticket, which he may see and which is spent by then.
 """
 
 import hmac
 import ipaddress
 import secrets
 import socket
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from urllib.parse import urlsplit
@@ -19,12 +20,20 @@ LOOPBACK = "127.0.0.1"
 PROTOCOL_PREFIX = "fishlight.token."
 """A page of another origin cannot set headers of a WebSocket; it offers the token as a protocol."""
 
+TICKET_LASTS_S = 60.0
+"""Time for a browser to start in."""
+
 _LOOPBACK_NAMES = ("127.0.0.1", "localhost", "::1")
 _WILDCARDS = ("0.0.0.0", "::")
 
 
 def _new_token() -> str:
     return secrets.token_urlsafe(32)
+
+
+def _is_secret(offered: str | None, secret: str) -> bool:
+    as_sent = (offered or "").encode(errors="surrogateescape")  # headers are any bytes
+    return hmac.compare_digest(as_sent, secret.encode())
 
 
 @dataclass(frozen=True)
@@ -67,8 +76,28 @@ class Access:
 
     def is_token(self, offered: str | None) -> bool:
         """Whether the token is right, in a time that does not tell how much of it is."""
-        as_sent = (offered or "").encode(errors="surrogateescape")  # headers are any bytes
-        return hmac.compare_digest(as_sent, self.token.encode())
+        return _is_secret(offered, self.token)
+
+
+class Ticket:
+    """Lets one in once, and soon: for a command's arguments, which all users of a machine see.
+
+    Attributes
+    ----------
+    text : str
+        What is to be offered.
+    """
+
+    def __init__(self) -> None:
+        self.text = _new_token()
+        self._good_until_s = time.monotonic() + TICKET_LASTS_S
+
+    def spend(self, offered: str) -> bool:
+        """Whether it is this ticket, and still good; it is not after that."""
+        if not _is_secret(offered, self.text) or time.monotonic() > self._good_until_s:
+            return False
+        self._good_until_s = float("-inf")
+        return True
 
 
 def offered_token(authorization: str | None, protocols: str | None) -> str | None:

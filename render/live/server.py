@@ -4,6 +4,8 @@ It runs in a thread of its own and never makes the session wait. Each client is 
 there is when it is ready for it: one that sleeps is sent nothing, and one that takes nothing is let
 go after some seconds.
 
+A defect while a moment is made into messages ends the session: viewers would wait for nothing.
+
 Input  : what the Desk publishes; requests, judged by `Access` before anything else is looked at.
 Output : GET / and its parts; the WebSockets /view (pictures, settings) and /lights (stream.py).
 No request names a file: the page's parts are a fixed list, and results are named by the session.
@@ -20,7 +22,7 @@ from typing import Self
 from aiohttp import web
 
 from capture.errors import InputError
-from render.live.access import Access, offered_token
+from render.live.access import Access, Ticket, offered_token
 from render.live.channel import Channel
 from render.live.conversing import VIOLATION, obey, send_newest
 from render.live.desk import Desk
@@ -43,6 +45,9 @@ class LiveServer:
     access : Access
     port : int
         0 for any that is free.
+    on_defect : callable
+        Told, from whatever thread, when nothing can be shown any more because of a defect, which
+        is raised at the end of the block.
 
     Attributes
     ----------
@@ -55,10 +60,19 @@ class LiveServer:
         If the address cannot be listened on.
     """
 
-    def __init__(self, desk: Desk, access: Access, port: int = 0) -> None:
+    def __init__(
+        self,
+        desk: Desk,
+        access: Access,
+        port: int = 0,
+        on_defect: Callable[[], None] = lambda: None,
+    ) -> None:
         self._desk = desk
         self._access = access
         self._port = port
+        self._on_defect = on_defect
+        self._defect: Exception | None = None
+        self._ticket = Ticket()
         self._thread = threading.Thread(target=self._run, name="fishlight-server", daemon=True)
         self._ready = threading.Event()
         self._error: str | None = None
@@ -85,13 +99,24 @@ class LiveServer:
     ) -> None:
         self._loop.call_soon_threadsafe(self._stopped.set)
         self._thread.join()
+        if self._defect is not None and error is None:
+            raise self._defect
 
     @property
     def address(self) -> str:
         """Where to go, the token included."""
+        return f"{self._base}?token={self._access.token}"
+
+    def address_for_once(self) -> str:
+        """Return where a browser that is started now can go, once: with a new ticket, no token."""
+        self._ticket = Ticket()
+        return f"{self._base}?ticket={self._ticket.text}"
+
+    @property
+    def _base(self) -> str:
         host = self._access.name
         host = f"[{host}]" if ":" in host else host
-        return f"http://{host}:{self._port}/?token={self._access.token}"
+        return f"http://{host}:{self._port}/"
 
     def _run(self) -> None:
         asyncio.run(self._serve())
@@ -143,12 +168,16 @@ class LiveServer:
     async def _encode_newest(self, encoder: ThreadPoolExecutor) -> None:
         """Make messages of what was published last, of pictures only if somebody wants them."""
         frame = self._desk.newest
-        if frame is None:
+        if frame is None or self._defect is not None:
             return
-        await self._lights.put(stream_message(frame))
-        if self._viewers:
-            data = await self._loop.run_in_executor(encoder, encode_frame, frame, self._desk)
-            await self._view.put(data)
+        try:
+            await self._lights.put(stream_message(frame))
+            if self._viewers:
+                data = await self._loop.run_in_executor(encoder, encode_frame, frame, self._desk)
+                await self._view.put(data)
+        except Exception as defect:
+            self._defect = defect
+            self._on_defect()
 
     @web.middleware
     async def _judged(
@@ -161,6 +190,9 @@ class LiveServer:
         access = self._access
         if not access.is_own_host(host) or not access.is_allowed_origin(origin, host):
             return refusal(403, "This host or origin is not served.")
+        ticket = request.query.get("ticket")
+        if ticket is not None and self._ticket.spend(ticket):
+            return self._let_in()
         offered = (
             request.query.get("token")
             or offered_token(
@@ -173,7 +205,7 @@ class LiveServer:
                 401, "This needs the whole address that `fishlight live` printed, with its token."
             )
         if "token" in request.query:
-            return self._without_token_in_address()
+            return self._let_in()
         try:
             response = await handler(request)
         except web.HTTPException as error:
@@ -186,7 +218,8 @@ class LiveServer:
     def _cookie(self) -> str:
         return f"fishlight-{self._port}"  # cookies of all ports of a host are sent to each
 
-    def _without_token_in_address(self) -> web.StreamResponse:
+    def _let_in(self) -> web.StreamResponse:
+        """Give the token as a cookie, and take what was offered out of the address."""
         response = web.Response(status=303, headers={**HEADERS, "Location": "/"})
         response.set_cookie(self._cookie, self._access.token, httponly=True, samesite="Strict")
         return response

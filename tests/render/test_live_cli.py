@@ -1,6 +1,8 @@
 """`fishlight live` on the command line: it runs, ends, counts, and refuses in one line."""
 
 import re
+import signal
+import threading
 
 import pytest
 
@@ -68,6 +70,39 @@ def test_two_recordings_are_blended_and_accounted_for(tmp_path, capsys):
         for count, name in re.findall(r"(\d+) (\w+)", capsys.readouterr().out.splitlines()[-1])
     }
     assert counts["captured"] == 6 == counts["replaced"] + counts["rendered"] + counts["failed"]
+
+
+def test_a_defect_of_the_server_ends_the_session_with_its_traceback(tmp_path, monkeypatch):
+    def fail(_frame):
+        raise ZeroDivisionError("a defect")
+
+    monkeypatch.setattr("render.live.server.stream_message", fail)
+    recording, waited = make_recording(tmp_path / "r"), threading.Event()
+
+    def give_up():
+        waited.set()
+        signal.raise_signal(signal.SIGINT)
+
+    guard = threading.Timer(60.0, give_up)
+    guard.start()
+    try:
+        with pytest.raises(ZeroDivisionError):
+            main(["live", str(recording.folder), *SMALL, *ANY_PORT])
+    finally:
+        guard.cancel()
+    assert not waited.is_set()
+
+
+def test_a_browser_is_started_without_the_token(tmp_path, monkeypatch, capsys):
+    started = []
+    monkeypatch.setattr("render.live_cli.has_desktop", lambda: True)
+    monkeypatch.setattr("render.live_cli.webbrowser.open", started.append)
+    recording = make_recording(tmp_path / "r")
+    watched = [each for each in SMALL if each != "--headless"]
+    assert not fishlight("live", recording.folder, "--once", *watched, *ANY_PORT)
+    base, _, token = capsys.readouterr().out.splitlines()[0].partition("?token=")
+    assert started[0].startswith(f"{base}?ticket=")
+    assert token not in started[0]
 
 
 def test_a_camera_that_is_not_there_is_one_line(tmp_path, capsys):

@@ -4,13 +4,12 @@ Each test tries what it says cannot be done, against a server on a socket of its
 """
 
 import asyncio
-import http.client
 import json
 import logging
 import socket
 import threading
 import time
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 
 import aiohttp
 import numpy as np
@@ -18,57 +17,14 @@ import pytest
 
 from capture.errors import InputError
 from lighting.light_set import LightSet
-from render.live.access import Access, checked_origins
+from render.live.access import Access, Ticket, checked_origins
 from render.live.desk import Desk, Seen, State
 from render.live.limits import MOST_CLIENTS, MOST_MESSAGE_BYTES, Allowance
-from render.live.models import load_models
 from render.live.server import LiveServer
 from render.live.settings import Settings
+from tests.render.live_site import MODELS, Site, served
 
-MODELS = load_models(())
 FRIEND = "http://localhost:5173"
-
-
-@contextmanager
-def served(**access):
-    desk = Desk(Settings(), MODELS)
-    with LiveServer(desk, Access(**access)) as server:
-        yield desk, Site(server.address)
-
-
-class Site:
-    def __init__(self, address):
-        base, self.token = address.split("/?token=")
-        self.host = base.removeprefix("http://")
-        self.port = int(self.host.rpartition(":")[2])
-
-    def get(self, path="/", **headers):
-        """Return status, headers and body of a request that is sent as it stands."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=5)
-        named = {name.replace("_", "-"): value for name, value in headers.items()}
-        connection.request("GET", path, headers=named)
-        response = connection.getresponse()
-        body = response.read()
-        connection.close()
-        return response.status, dict(response.headers), body
-
-    @property
-    def bearer(self):
-        return {"Authorization": f"Bearer {self.token}"}
-
-    def talk(self, act, path="view", **headers):
-        """Return what `act` makes of a WebSocket, or the status that refused it."""
-
-        async def run():
-            async with aiohttp.ClientSession() as session:
-                url = f"http://{self.host}/{path}"
-                try:
-                    async with session.ws_connect(url, headers=headers, max_msg_size=0) as ws:
-                        return await asyncio.wait_for(act(ws), 10)
-                except aiohttp.WSServerHandshakeError as error:
-                    return error.status
-
-        return asyncio.run(run())
 
 
 def moment(number=1, size_px=(64, 48)):
@@ -168,6 +124,38 @@ def test_the_token_leaves_the_address_and_stays_in_a_cookie():
         status, _, page = site.get(Cookie=cookie.partition(";")[0])
         assert status == 200
         assert site.token.encode() not in page
+
+
+def ticket(site):
+    return site.server.address_for_once().removeprefix(f"http://{site.host}")
+
+
+def test_a_ticket_lets_a_browser_in_once_and_holds_no_token():
+    with served() as (_, site):
+        path = ticket(site)
+        assert path.startswith("/?ticket=")
+        assert site.token not in path
+        status, headers, _ = site.get(path)
+        assert (status, headers["Location"]) == (303, "/")
+        assert site.get(Cookie=headers["Set-Cookie"].partition(";")[0])[0] == 200
+        assert site.get(path)[0] == 401
+        assert site.get(path.replace("ticket", "token"))[0] == 401
+
+
+def test_a_ticket_is_good_for_a_minute_only_and_only_the_last_one():
+    with served() as (_, site):
+        first, second = ticket(site), ticket(site)
+        assert site.get(first)[0] == 401
+        assert site.get(second + "x")[0] == 401
+        assert site.get(second, Host="evil.test")[0] == 403
+        assert site.get(second)[0] == 303
+        for spent in ("/?ticket=", "/?ticket=%C3%A9"):
+            assert site.get(spent)[0] == 401
+    now_s = time.monotonic()
+    with pytest.MonkeyPatch.context() as patch:
+        late = Ticket()
+        patch.setattr("render.live.access.time.monotonic", lambda: now_s + 61.0)
+        assert not late.spend(late.text)
 
 
 def test_the_token_is_not_logged_nor_shown(caplog, capfd):
@@ -391,6 +379,25 @@ def test_a_host_that_is_no_name_is_told(host):
         LiveServer(Desk(Settings(), MODELS), Access(host)),
     ):
         pass
+
+
+def test_a_defect_while_a_moment_is_made_into_messages_is_told_at_once_and_raised(monkeypatch):
+    def fail(_frame, _desk):
+        raise ZeroDivisionError("a defect")
+
+    monkeypatch.setattr("render.live.server.encode_frame", fail)
+    told, desk = threading.Event(), Desk(Settings(), MODELS)
+
+    async def watch(_ws):
+        desk.publish(State("running"), moment(), 0.0, {})
+        return await asyncio.to_thread(told.wait, 5.0)
+
+    def follow():
+        with LiveServer(desk, Access(), on_defect=told.set) as server:
+            assert Site(server).talk(watch, **Site(server).bearer)
+
+    with pytest.raises(ZeroDivisionError):
+        follow()
 
 
 def test_the_server_s_thread_ends_with_it():
