@@ -122,33 +122,26 @@ def average_keys(
 
 
 @njit(nogil=True, error_model="numpy")
-def borrow(
-    shared: _BYTES, row: int, x: int, y: int, first: int, near_of: NDArray[np.int64], seen: _BYTES
+def find_places(
+    row: int, x: int, y: int, columns: int, near_of: NDArray[np.int64], places: NDArray[np.uint64]
 ) -> None:  # pragma: no cover - compiled
-    """Copy to `seen` (PACKET, lights) what a packet's pixels and their neighbours saw in turn."""
-    per_turn = shared.shape[3]
-    if per_turn % 4 == 0:  # four bytes as one number
-        _copy(shared.view(np.uint32), row, x, y, first, near_of, seen.view(np.uint32))
-    else:
-        _copy(shared, row, x, y, first, near_of, seen)
-
-
-@njit(nogil=True, error_model="numpy")
-def _copy(
-    shared: NDArray[Any],
-    row: int,
-    x: int,
-    y: int,
-    first: int,
-    near_of: NDArray[np.int64],
-    seen: NDArray[Any],
-) -> None:  # pragma: no cover - compiled
-    per_turn = np.uint64(shared.shape[3])
+    """Set where the pixel of each turn lies in (rows, LANES, columns), counted from its tile."""
     for turn in range(len(near_of)):
         near = near_of[turn]
         qx, qy = x + near % SIDE + low(x), y + near // SIDE + low(y)
-        r, q, at = row + (qy >> 2), (qy & 3) * SIDE + (qx & 3), np.uint64(first + (qx >> 2))
-        for j in range(per_turn):
-            light = np.uint64(turn) * per_turn + j
-            for i in range(np.uint64(PACKET)):
-                seen[i, light] = shared[r, q, at + i, j]
+        lane = (qy & 3) * SIDE + (qx & 3)
+        places[turn] = np.uint64(((row + (qy >> 2)) * LANES + lane) * columns + (qx >> 2))
+
+
+@njit(nogil=True, error_model="numpy")
+def borrow(
+    shared: NDArray[Any], places: NDArray[np.uint64], at: int, seen: NDArray[Any]
+) -> None:  # pragma: no cover - compiled
+    """Copy to `seen` (turns, slots) what a pixel of tile `at` and its neighbours saw in turn.
+
+    `shared` is as in `trace_lights`, its first three axes in one.
+    """
+    tile = np.uint64(at)
+    for turn in range(np.uint64(len(places))):
+        for slot in range(np.uint64(seen.shape[1])):
+            seen[turn, slot] = shared[places[turn] + tile, slot]

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from render.rays.embree import PACKET, coherent16, packet
+from render.rays.embree import PACKET, coherent16, occluded16, packet
 from render.rays.first_hits import (
     FACE_NORMAL,
     FIELDS,
@@ -182,7 +182,10 @@ def _trace_turns(
                 light = key_count + slot + per_turn * turn
                 _aim(points, light, 0, 1, column, y // side, SIDE // side, rays)
                 if _select(part, sphere, lights, light, rays, valid):
-                    coherent16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
+                    if is_staggered:  # to wide lights, from far apart: they soon part
+                        occluded16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
+                    else:
+                        coherent16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
                 for i in range(PACKET):
                     passes = np.uint8(ALL_PASSES * (rays[8, i] > 0))
                     down, right = tile_of(i, apart)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from lighting.maps.environment import LUMINANCE_WEIGHTS
 from render.lights.discs import irradiance_curves
-from render.moving.open_ground import open_ground
+from render.moving.open_ground import add_to_ground, open_ground, weigh_on_ground
 from render.moving.shaded_light import add_lights
 from render.moving.shadow_rays import (
     CURVE,
@@ -117,7 +117,7 @@ class SharedRays:
 
     def __init__(self, effort: Effort) -> None:
         self._effort = effort
-        self._keys = np.zeros((0, 0, 0, 0), np.float32)
+        self._keys = self._weighed = np.zeros((0, 0, 0, 0), np.float32)
         self._shared = self._softened = np.zeros((0, 0, 0, 0), np.uint8)
 
     def add(
@@ -174,6 +174,10 @@ class SharedRays:
         if is_staggered:
             soften(surfaces, is_open, shared, seen_from, pixel_rad, self._softened)
             shared = self._softened
+        ground, weights = traced.scene.ground, np.empty((3, table.shape[1]), np.float32)
+        up = 1.0 if ground is not None and eye[1] > ground.y_m else -1.0
+        weigh_on_ground(is_open, shared, table, keys, side, up, weights, self._weighed)
+        add_to_ground(is_open, surfaces, self._keys, weights, self._weighed, is_soft, side, picture)
         add_lights(
             function, traced.address, traced.offset_m, surfaces, is_open, self._keys, shared,
             table, points, is_soft, side, seen_from, pixel_rad, rough_alpha2, picture,
@@ -184,6 +188,7 @@ class SharedRays:
         rows, _, _, columns = surfaces.shape
         if self._keys.shape != (rows, LANES, keys, columns):
             self._keys = np.zeros((rows, LANES, keys, columns), np.float32)
+            self._weighed = np.zeros((rows, LANES, 3, columns), np.float32)
         if self._shared.shape != (rows, LANES, columns, per_turn):
             self._shared = np.zeros((rows, LANES, columns, per_turn), np.uint8)
             self._softened = np.zeros_like(self._shared)

@@ -47,42 +47,43 @@ def _soften_row(
 ) -> None:  # pragma: no cover - compiled
     part = np.empty((FIELDS, PACKET), np.float32)
     like = np.empty((9, PACKET), np.float32)
-    total = np.empty(shared.shape[3], np.float32)
+    slots = shared.shape[3]
+    total = np.empty(slots, np.float32)
+    is_own = np.empty(PACKET * slots, np.bool_)
+    for k in range(PACKET * slots):
+        is_own[k] = (row + 1 + k // slots) % 2 == 0
     for lane in range(LANES):
         x, y = lane % SIDE - SIDE, lane // SIDE - SIDE
         for first in range(1, surfaces.shape[3] - 1, PACKET):
-            if is_open[row, first : first + PACKET].all():
-                _average_on_ground(shared, row, lane, first, softened)
-            elif load_packet(surfaces[row], lane, first, part):
+            open_there = is_open[row, first : first + PACKET]
+            if open_there.any():
+                _average_on_ground(
+                    shared[row - 1, lane].ravel(), shared[row, lane].ravel(),
+                    shared[row + 1, lane].ravel(), first * slots, slots, is_own,
+                    softened[row, lane].ravel(),
+                )  # fmt: skip
+            if not open_there.all() and load_packet(surfaces[row], lane, first, part):
                 compare(surfaces, row, x, y, SIDE, 3, first, pixel_rad, eye, part, like)
-                _average(shared, row, lane, first, like, total, softened)
+                _average(shared, row, lane, first, open_there, like, total, softened)
 
 
 @njit(nogil=True, error_model="numpy")
 def _average_on_ground(
-    shared: _BYTES, row: int, lane: int, first: int, softened: _BYTES
+    above: _BYTES,
+    middle: _BYTES,
+    below: _BYTES,
+    first: int,
+    slots: int,
+    is_own: _FLAGS,
+    softened: _BYTES,
 ) -> None:  # pragma: no cover - compiled
-    """Set a packet of `softened` to the weighted means of tiles."""
-    for i in range(PACKET):
-        at = first + i
-        own = (row + at) % 2 == 0
-        for slot in range(np.uint64(shared.shape[3])):
-            if own:
-                around = (
-                    np.int32(shared[row - 1, lane, at - 1, slot])
-                    + shared[row - 1, lane, at + 1, slot]
-                    + shared[row + 1, lane, at - 1, slot]
-                    + shared[row + 1, lane, at + 1, slot]
-                )
-                softened[row, lane, at, slot] = (around + 4 * shared[row, lane, at, slot]) >> 3
-            else:
-                around = (
-                    np.int32(shared[row - 1, lane, at, slot])
-                    + shared[row + 1, lane, at, slot]
-                    + shared[row, lane, at - 1, slot]
-                    + shared[row, lane, at + 1, slot]
-                )
-                softened[row, lane, at, slot] = around >> 2
+    """Set a packet of `softened` to the weighted means of tiles; all are one lane in a row."""
+    for k in range(np.uint64(len(is_own))):
+        at = np.uint64(first) + k
+        left, right = at - np.uint64(slots), at + np.uint64(slots)
+        beside = np.uint16(above[at]) + below[at] + middle[left] + middle[right]
+        across = np.uint16(above[left]) + above[right] + below[left] + below[right]
+        softened[at] = np.uint8((across + 4 * middle[at]) >> 3 if is_own[k] else beside >> 2)
 
 
 @njit(nogil=True, fastmath=LOOSE, error_model="numpy")
@@ -91,13 +92,16 @@ def _average(
     row: int,
     lane: int,
     first: int,
+    open_there: _FLAGS,
     like: _FLOATS,
     total: _FLOATS,
     softened: _BYTES,
 ) -> None:  # pragma: no cover - compiled
-    """Set a packet of `softened` to the weighted means of those tiles that are `like`."""
+    """Set a packet of `softened`, where it is not open, to the mean of tiles that are `like`."""
     slots = np.uint64(shared.shape[3])
     for i in range(PACKET):
+        if open_there[i]:
+            continue
         total[:] = 0
         count, at = np.float32(0), first + i
         for near in range((row + at) % 2, 9, 2):
