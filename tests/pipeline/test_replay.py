@@ -196,7 +196,7 @@ def test_a_second_replay_gives_the_same_bytes(
     short_recording: Path, replayed: Path, tmp_path: Path
 ) -> None:
     again = tmp_path / "again"
-    assert fishlight("replay", short_recording, "-o", again, *SMALL).returncode == 0
+    replay_here(short_recording, "-o", again, *SMALL)
     made = {path.relative_to(replayed) for path in replayed.rglob("*") if path.is_file()}
     assert made == {path.relative_to(again) for path in again.rglob("*") if path.is_file()}
     different = [
@@ -219,18 +219,19 @@ def test_an_existing_output_is_kept_unless_forced(
 
 
 def test_force_leaves_a_folder_alone_that_no_replay_made(
-    short_recording: Path, tmp_path: Path
+    short_recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     treasure = tmp_path / "photographs" / "maps"
     treasure.mkdir(parents=True)
     (treasure / "alps.exr").write_text("mine")
-    refused = fishlight("replay", short_recording, "-o", treasure.parent, "--force")
-    assert refused.returncode == 2
+    with pytest.raises(SystemExit, match="2"):
+        main(["replay", str(short_recording), "-o", str(treasure.parent), "--force"])
+    assert capsys.readouterr().err.count("\n") == 1
     assert (treasure / "alps.exr").read_text() == "mine"
 
 
 def test_a_damaged_frame_costs_its_bracket_and_no_more(
-    short_recording: Path, tmp_path: Path
+    short_recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "damaged"
     shutil.copytree(short_recording, folder)
@@ -241,10 +242,10 @@ def test_a_damaged_frame_costs_its_bracket_and_no_more(
     content[len(content) // 2] ^= 0xFF
     path.write_bytes(content)
     output = tmp_path / "out"
-    done = fishlight("replay", folder, "-o", output, *SMALL)
-    assert done.returncode == 0
-    assert "3 rendered, 1 failed" in done.stdout
-    assert path.name in done.stderr
+    replay_here(folder, "-o", output, *SMALL)
+    printed = capsys.readouterr()
+    assert "3 rendered, 1 failed" in printed.out
+    assert path.name in printed.err
     made = sorted(path.stem for path in (output / "maps").glob("*.exr"))
     assert made == ["000000", "000001", "000003"]
     # What is remembered outlives it, and the time that passed counts.
@@ -252,13 +253,13 @@ def test_a_damaged_frame_costs_its_bracket_and_no_more(
 
 
 def test_a_recording_of_which_nothing_is_usable_fails(
-    short_recording: Path, tmp_path: Path
+    short_recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "empty"
     shutil.copytree(short_recording, folder, ignore=shutil.ignore_patterns("frames"))
-    done = fishlight("replay", folder, "-o", tmp_path / "out", *SMALL)
-    assert done.returncode == 2
-    assert "not one bracket of 4 is usable" in done.stderr
+    with pytest.raises(SystemExit, match="2"):
+        main(["replay", str(folder), "-o", str(tmp_path / "out"), *SMALL])
+    assert "not one bracket of 4 is usable" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 

@@ -135,51 +135,43 @@ def test_the_overview_describes_every_command(capsys):
         assert described in printed
 
 
-def run_without_egl(folder, *arguments):
-    """Run fishlight in a process in which EGL finds no driver."""
-    program = (
-        "import moderngl\n"
-        "def no_egl(**settings): raise Exception('libEGL.so not loaded')\n"
-        "moderngl.create_context = no_egl\n"
-        "from render.main import main\n"
-        "main()\n"
-    )
-    return subprocess.run(
-        [sys.executable, "-c", program, *map(str, arguments)],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+@pytest.fixture
+def without_egl(monkeypatch):
+    def no_egl(**_settings):
+        raise Exception("libEGL.so not loaded")  # glcontext's
+
+    monkeypatch.setattr("moderngl.create_context", no_egl)
 
 
-def test_without_egl_render_draws_with_rays_and_says_so(tmp_path):
+def test_without_egl_render_draws_with_rays_and_says_so(without_egl, tmp_path, capsys):
     write_lights(tmp_path / "lights.json", random_lights(2, seed=0))
-    done = run_without_egl(
-        tmp_path, "render", "--lights", "lights.json", "-o", "p.png", "--size", "64x48"
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "no OpenGL: drawn with rays" in done.stdout
+    wishes = ["--lights", str(tmp_path / "lights.json"), "--size", "64x48"]
+    with pytest.raises(SystemExit) as stop:
+        main(["render", *wishes, "-o", str(tmp_path / "p.png")])
+    printed = capsys.readouterr()
+    assert (stop.value.code, printed.err) == (0, "")
+    assert "no OpenGL: drawn with rays" in printed.out
     assert (tmp_path / "p.png").is_file()
 
 
-def test_without_egl_a_replay_draws_all_the_same(tmp_path):
+def test_without_egl_a_replay_draws_all_the_same(without_egl, tmp_path):
     recording = Path(__file__).parents[2] / "recordings/outdoor"
-    done = run_without_egl(
-        tmp_path, "replay", str(recording), "-o", "out", "--size", "64x48", "--height", "64"
-    )
-    assert done.returncode == 0, done.stderr
+    small = ["--size", "64x48", "--height", "64", "--count", "12"]
+    with pytest.raises(SystemExit) as stop:
+        main(["replay", str(recording), "-o", str(tmp_path / "out"), *small])
+    assert stop.value.code == 0
     assert list((tmp_path / "out/pictures").glob("*.png"))
 
 
-def test_without_egl_doctor_notes_it_and_shows_the_rest(tmp_path):
-    done = run_without_egl(tmp_path, "doctor")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "MISSING" not in done.stdout
-    assert "no context, so no shadow maps" in done.stdout
-    assert "apt-get install" in done.stdout
-    assert "Python" in done.stdout
+def test_without_egl_doctor_notes_it_and_shows_the_rest(without_egl, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["doctor"])
+    printed = capsys.readouterr()
+    assert (stop.value.code, printed.err) == (0, "")
+    assert "MISSING" not in printed.out
+    assert "no context, so no shadow maps" in printed.out
+    assert "apt-get install" in printed.out
+    assert "Python" in printed.out
 
 
 def test_a_file_that_the_system_refuses_is_one_line(failing_command, capsys):
