@@ -28,6 +28,7 @@ AddPass = Callable[[int, int, Sums], None]
 
 _PASSES = 8  # that are aimed at
 _LONGEST_PASS_S = 10.0  # what an interruption may cost
+_LEAST_POWER = 1e-6  # of a picture, in that of its noise
 
 
 @dataclass(eq=False)
@@ -48,7 +49,7 @@ class Progress:
         Spent so far, and on the last pass.
     relative_error : float
         Root mean square of the standard error over that of the picture; infinite until there are
-        `LEAST_PASSES`.
+        `LEAST_PASSES`, and where nothing of the picture stands out of its noise.
     may_grow : bool
         Whether it is still open how many rays a pass should have.
     memory : dict of arrays
@@ -147,8 +148,10 @@ def _grow(progress: Progress, error: float, seconds: float, most_factor: int) ->
 def _relative_error(progress: Progress) -> float:
     mean, variance = mean_and_variance(progress)
     # The picture's square has its own error in it.
-    power = np.maximum(np.mean(mean[..., :3] ** 2 - variance), np.finfo(float).tiny)
-    return float(np.sqrt(variance.mean() / power))
+    power, noise = float(np.mean(mean[..., :3] ** 2 - variance)), float(variance.mean())
+    if noise == 0:
+        return 0.0
+    return math.sqrt(noise / power) if power > noise * _LEAST_POWER else math.inf
 
 
 def _no_sums(height: int, width: int) -> Sums:

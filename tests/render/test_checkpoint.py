@@ -142,6 +142,24 @@ def test_passes_do_not_grow_beyond_some_seconds(monkeypatch):
     assert progress.passes > 20
 
 
+def test_a_picture_lost_in_its_noise_has_no_relative_error():
+    def speck(number, factor, sums):  # one pass in four has something in one pixel
+        sums.radiance[0, 0, :3] += number == 2
+        sums.squares[0, 0, :3] += number == 2
+
+    progress = nothing_yet((2, 2))
+    accumulate(speck, progress, error=0.1, seconds=0.0)
+    assert progress.passes == LEAST_PASSES
+    assert progress.relative_error == math.inf
+
+
+def test_a_black_picture_is_known():
+    progress = nothing_yet((2, 2))
+    accumulate(lambda *_: None, progress, error=0.1)
+    assert progress.passes == LEAST_PASSES
+    assert progress.relative_error == 0
+
+
 def test_the_time_counts_from_before_the_interruption():
     progress = nothing_yet((4, 4))
     progress.elapsed_s = 1e6
