@@ -88,6 +88,15 @@ class ReplaySummary:
         return float(np.median(self.predicted_errors)) if self.predicted_errors else None
 
 
+@dataclass(frozen=True, eq=False)
+class _Prepared:
+    """A bracket as the session's thread takes it from the producer's."""
+
+    bracket: Bracket
+    image: RadianceImage
+    sums: BlockSums | None
+
+
 def replay(
     recording_folder: Path,
     output: Path,
@@ -154,22 +163,24 @@ def replay(
         ReplayFolder(output, camera.size_px, recorded_rate_hz(recording)) as folder,
     ):
 
-        def merged(bracket: Bracket) -> tuple[Bracket, RadianceImage]:
-            image = merge_bracket(bracket, recording.sensor, picture_memory, is_beside=True)
-            return bracket, image
+        def prepare(bracket: Bracket, clock: StageClock) -> _Prepared:
+            with clock.stage("merge"):
+                image = merge_bracket(bracket, recording.sensor, picture_memory, is_beside=True)
+            if source_blocks is None:
+                return _Prepared(bracket, image, None)
+            with clock.stage("blocks"):
+                sums = apply_source_blocks(source_blocks, image, is_beside=True)
+            return _Prepared(bracket, image, sums)
 
-        def process(
-            item: tuple[Bracket, RadianceImage], clock: StageClock, counters: Counters
-        ) -> None:
+        def process(prepared: _Prepared, clock: StageClock, counters: Counters) -> None:
             nonlocal memory, took_ms, clipped_count
-            bracket, image = item
+            bracket = prepared.bracket
             counters.merged += 1
             with clock.stage("remap"):
-                environment = apply_remap(remap, image)
+                environment = apply_remap(remap, prepared.image)
             view: EnvironmentMap | BlockSums = environment
-            if source_blocks is not None:
-                with clock.stage("blocks"):
-                    view = apply_source_blocks(source_blocks, image)
+            if prepared.sums is not None:
+                view = prepared.sums
             planned = rate.planned(plan)
             with clock.stage("lights"):
                 lights, memory = next_lights(
@@ -195,8 +206,8 @@ def replay(
                 )
                 radiance = enlarged(drawn, camera.size_px)
             counters.rendered += 1
-            # Merging has the producer's thread to itself, as decoding has.
-            rate.judge(clock.frames[-1] | {"merge": 0.0}, planned, memory)
+            # These are done beside all else, as decoding is.
+            rate.judge(clock.frames[-1] | {"merge": 0.0, "blocks": 0.0}, planned, memory)
             took_ms = clock.frames[-1]["lights"] + clock.frames[-1]["render"]
             with clock.stage("write"):
                 folder.write(bracket.index, environment, lights, radiance)
@@ -205,7 +216,7 @@ def replay(
             failures.append(str(error))
             folder.hold()
 
-        counters, clock = run_session(source, process, merge=merged, on_failure=on_failure)
+        counters, clock = run_session(source, process, prepare=prepare, on_failure=on_failure)
     if counters.rendered == 0:
         raise InputError(
             f"{recording_folder}: not one bracket of {counters.captured} is usable: {failures[0]}"

@@ -1,13 +1,13 @@
 """The session: brackets come in on one thread, pictures are made on another, nothing is lost.
 
-One producer thread owns the source and decodes, and merges if it is asked to; the calling thread
-owns the OpenGL context and every parallel numba kernel (numba's default thread pool must not be
-entered from two threads at once). Every bracket ends in exactly one counter.
+One producer thread owns the source, decodes, and prepares brackets if it is asked to; the calling
+thread owns the OpenGL context and every parallel numba kernel (numba's default thread pool must not
+be entered from two threads at once). Every bracket ends in exactly one counter.
 
 A source that is as fast as it is asked, a recording, is asked for the next bracket when the one
 before it is taken: decoding and the rest overlap, and no bracket lies waiting for longer than one
-takes. With a queue between them each place in it would add that to the latency. A merge by the
-producer fills the core that the rest, of which a third runs on one core, leaves free.
+takes. With a queue between them each place in it would add that to the latency. What the producer
+prepares fills the core that the rest, of which a third runs on one core, leaves free.
 
 Input  : an iterable of Bracket, or of UnreadableFrame for a bracket that could not be read.
 Output : Counters and per-frame stage times; what is done with a bracket is the caller's `process`.
@@ -29,7 +29,7 @@ from capture.frame import Bracket, FrameSource
 
 END_TO_END = "end to end"
 
-Merged = TypeVar("Merged")
+Prepared = TypeVar("Prepared")
 
 
 class Policy(Enum):
@@ -119,9 +119,9 @@ def run_session(
 @overload
 def run_session(
     source: FrameSource,
-    process: Callable[[Merged, StageClock, Counters], None],
+    process: Callable[[Prepared, StageClock, Counters], None],
     *,
-    merge: Callable[[Bracket], Merged],
+    prepare: Callable[[Bracket, StageClock], Prepared],
     policy: Policy = ...,
     on_failure: Callable[[UnreadableFrame], None] = ...,
     clock: StageClock | None = ...,
@@ -132,7 +132,7 @@ def run_session(
     source: FrameSource,
     process: Callable[[Any, StageClock, Counters], None],
     *,
-    merge: Callable[[Bracket], Any] | None = None,
+    prepare: Callable[[Bracket, StageClock], Any] | None = None,
     policy: Policy = Policy.EVERY,
     on_failure: Callable[[UnreadableFrame], None] = lambda _error: None,
     clock: StageClock | None = None,
@@ -144,11 +144,12 @@ def run_session(
     source : FrameSource
         Iterated on the producer thread.
     process : callable
-        Called on this thread with the bracket, or what `merge` made of it, the clock whose current
-        frame is this bracket's, and the counters so far, of which it counts `merged` and
+        Called on this thread with the bracket, or what `prepare` made of it, the clock whose
+        current frame is this bracket's, and the counters so far, of which it counts `merged` and
         `rendered`.
-    merge : callable or None
-        Called on the producer thread, as the stage "merge"; it must enter no parallel kernel.
+    prepare : callable or None
+        Called on the producer thread with the bracket and a clock whose current frame is this
+        bracket's. It must enter no parallel kernel.
     policy : Policy
         EVERY asks the source for a bracket when the one before it is taken (replay:
         deterministic); NEWEST takes what comes and drops what still waits (live).
@@ -160,10 +161,10 @@ def run_session(
     Raises
     ------
     Exception
-        Whatever `source`, `merge` or `process` raised; the producer thread has ended by then.
+        Whatever `source`, `prepare` or `process` raised; the producer thread has ended by then.
     """
     counters, clock = Counters(), clock or StageClock()
-    producer = _Producer(source, merge, policy)
+    producer = _Producer(source, prepare, policy)
     producer.start()
     try:
         for delivery in producer.deliveries():
@@ -187,13 +188,16 @@ class _Producer(threading.Thread):
     """Iterates the source until its end, an exception or `stop`; at most one bracket waits."""
 
     def __init__(
-        self, source: FrameSource, merge: Callable[[Bracket], Any] | None, policy: Policy
+        self,
+        source: FrameSource,
+        prepare: Callable[[Bracket, StageClock], Any] | None,
+        policy: Policy,
     ) -> None:
         super().__init__(name="fishlight-producer", daemon=True)
         self.captured = 0
         self.replaced = 0
         self._source = source
-        self._merge = merge
+        self._prepare = prepare
         self._policy = policy
         self._waiting: queue.SimpleQueue[_Delivery | None] = queue.SimpleQueue()
         self._wanted = threading.Semaphore(1)
@@ -236,9 +240,8 @@ class _Producer(threading.Thread):
             if bracket is None or self._is_stopped:
                 return
             content: Any = bracket
-            if self._merge is not None and not isinstance(bracket, UnreadableFrame):
-                with clock.stage("merge"):
-                    content = self._merge(bracket)
+            if self._prepare is not None and not isinstance(bracket, UnreadableFrame):
+                content = self._prepare(bracket, clock)
             if self._policy is Policy.NEWEST:
                 self._drop_waiting()
             self.captured += 1

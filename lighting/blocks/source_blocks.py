@@ -60,11 +60,20 @@ def build_source_blocks(calibration: Calibration, rows: int = MOST_ROWS) -> Sour
     return SourceBlocks(size_px, entries, _unseen_sr(calibration, rows))
 
 
-def apply_source_blocks(source: SourceBlocks, image: RadianceImage) -> BlockSums:
+def apply_source_blocks(
+    source: SourceBlocks, image: RadianceImage, *, is_beside: bool = False
+) -> BlockSums:
     """Return the light that a picture shows, over blocks.
 
     Pixels that are not valid are unseen. The same picture gives the same bits on any number of
     threads.
+
+    Parameters
+    ----------
+    source : SourceBlocks
+    image : RadianceImage
+    is_beside : bool
+        Sum on the calling thread alone, beside the one that owns all parallel kernels.
 
     Raises
     ------
@@ -76,7 +85,7 @@ def apply_source_blocks(source: SourceBlocks, image: RadianceImage) -> BlockSums
             f"the picture is {image.size_px[0]}×{image.size_px[1]} px but the blocks were built "
             f"for {source.image_size_px[0]}×{source.image_size_px[1]}"
         )
-    light = _Light(len(source.unseen_sr))
+    light = _Light(len(source.unseen_sr), is_beside=is_beside)
     light.add(source.entries, image.radiance, image.valid, image.clipped)
     return light.block_sums(source.unseen_sr, image.scale)
 
@@ -112,7 +121,8 @@ def picture_blocks(
 class _Light:
     """Sums over blocks that pixels are added to."""
 
-    def __init__(self, rows: int) -> None:
+    def __init__(self, rows: int, *, is_beside: bool = False) -> None:
+        self._is_beside = is_beside
         # numpy asks for huge pages, numba does not, and its fresh pages take longer than the sums.
         self.sums = np.zeros((rows, 2 * rows, 7))
         self.missing_sr = np.zeros((rows, 2 * rows))
@@ -131,7 +141,8 @@ class _Light:
         pixel_radiance = radiance.reshape(-1, 3)
         if entries.reflected.size:
             pixel_radiance = pixel_radiance / entries.reflected
-        _add_light(
+        add_light = _add_light_alone if self._is_beside else _add_light
+        add_light(
             tasks,
             entries.blocks,
             entries.centres,
@@ -143,7 +154,8 @@ class _Light:
         )
         is_marked = clipped | ~valid
         if is_marked.any():
-            _add_marks(
+            add_marks = _add_marks_alone if self._is_beside else _add_marks
+            add_marks(
                 tasks,
                 entries.blocks,
                 entries.starts,
@@ -178,70 +190,100 @@ def _unseen_sr(calibration: Calibration, rows: int) -> NDArray[np.float64]:
     return shares * solid_angles(rows)[:, None]
 
 
-@njit(cache=True, nogil=True, parallel=True, fastmath={"contract"})
+@njit(cache=True, nogil=True, parallel=True)
 def _add_light(  # type: ignore[no-untyped-def]
     tasks, blocks, centres, starts, pixels, weights, radiance, sums
 ):
     """Add the light of pixels (h W, 3) to the sums (2 rows², 7) of blocks."""
-    red_weight, green_weight, blue_weight = LUMINANCE_WEIGHTS
     for task in prange(len(tasks) - 1):
-        for i in range(tasks[task], tasks[task + 1]):
-            red = green = blue = x = y = z = 0.0
-            for k in range(starts[i], starts[i + 1]):
-                p = pixels[k]
-                # float64 before any product: single pixels may be as bright as float32 goes.
-                r = np.float64(radiance[p, 0])
-                g = np.float64(radiance[p, 1])
-                b = np.float64(radiance[p, 2])
-                luminance = red_weight * r + green_weight * g + blue_weight * b
-                solid_angle = np.float64(weights[k, 0])
-                red += solid_angle * r
-                green += solid_angle * g
-                blue += solid_angle * b
-                x += luminance * np.float64(weights[k, 1])
-                y += luminance * np.float64(weights[k, 2])
-                z += luminance * np.float64(weights[k, 3])
-            power = red_weight * red + green_weight * green + blue_weight * blue
-            centre_x, centre_y, centre_z = centres[i]
-            line = sums[blocks[i]]
-            line[0] += power
-            line[1] += power * centre_x + x
-            line[2] += power * centre_y + y
-            line[3] += power * centre_z + z
-            line[4] += red
-            line[5] += green
-            line[6] += blue
+        _add_light_of(
+            tasks[task], tasks[task + 1], blocks, centres, starts, pixels, weights, radiance, sums
+        )
+
+
+@njit(cache=True, nogil=True)
+def _add_light_alone(  # type: ignore[no-untyped-def]
+    tasks, blocks, centres, starts, pixels, weights, radiance, sums
+):
+    """Do what `_add_light` does on the thread that calls."""
+    _add_light_of(0, tasks[-1], blocks, centres, starts, pixels, weights, radiance, sums)
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _add_light_of(  # type: ignore[no-untyped-def]
+    first, last, blocks, centres, starts, pixels, weights, radiance, sums
+):
+    red_weight, green_weight, blue_weight = LUMINANCE_WEIGHTS
+    for i in range(first, last):
+        red = green = blue = x = y = z = 0.0
+        for k in range(starts[i], starts[i + 1]):
+            p = pixels[k]
+            # float64 before any product: single pixels may be as bright as float32 goes.
+            r = np.float64(radiance[p, 0])
+            g = np.float64(radiance[p, 1])
+            b = np.float64(radiance[p, 2])
+            luminance = red_weight * r + green_weight * g + blue_weight * b
+            solid_angle = np.float64(weights[k, 0])
+            red += solid_angle * r
+            green += solid_angle * g
+            blue += solid_angle * b
+            x += luminance * np.float64(weights[k, 1])
+            y += luminance * np.float64(weights[k, 2])
+            z += luminance * np.float64(weights[k, 3])
+        power = red_weight * red + green_weight * green + blue_weight * blue
+        centre_x, centre_y, centre_z = centres[i]
+        line = sums[blocks[i]]
+        line[0] += power
+        line[1] += power * centre_x + x
+        line[2] += power * centre_y + y
+        line[3] += power * centre_z + z
+        line[4] += red
+        line[5] += green
+        line[6] += blue
 
 
 @njit(cache=True, nogil=True, parallel=True)
 def _add_marks(  # type: ignore[no-untyped-def]
-    tasks,
-    blocks,
-    starts,
-    pixels,
-    weights,
-    illumination,
-    radiance,
-    is_marked,
-    valid,
-    clipped,
-    missing_sr,
-    light,
-):
+    tasks, blocks, starts, pixels, weights, illumination, radiance, is_marked, valid, clipped,
+    missing_sr, light,
+):  # fmt: skip
     """Add the solid angle of pixels that are not valid, and the luminance of clipped ones."""
-    red_weight, green_weight, blue_weight = LUMINANCE_WEIGHTS
     for task in prange(len(tasks) - 1):
-        for i in range(tasks[task], tasks[task + 1]):
-            for k in range(starts[i], starts[i + 1]):
-                p = pixels[k]
-                if not is_marked[p]:
-                    continue
-                if not valid[p]:
-                    share = illumination[p] if len(illumination) else 1.0
-                    missing_sr[blocks[i]] += weights[k, 0] * share
-                if clipped[p]:
-                    light[blocks[i]] += np.float64(weights[k, 0]) * (
-                        red_weight * np.float64(radiance[p, 0])
-                        + green_weight * np.float64(radiance[p, 1])
-                        + blue_weight * np.float64(radiance[p, 2])
-                    )
+        _add_marks_of(
+            tasks[task], tasks[task + 1], blocks, starts, pixels, weights, illumination, radiance,
+            is_marked, valid, clipped, missing_sr, light,
+        )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def _add_marks_alone(  # type: ignore[no-untyped-def]
+    tasks, blocks, starts, pixels, weights, illumination, radiance, is_marked, valid, clipped,
+    missing_sr, light,
+):  # fmt: skip
+    """Do what `_add_marks` does on the thread that calls."""
+    _add_marks_of(
+        0, tasks[-1], blocks, starts, pixels, weights, illumination, radiance, is_marked, valid,
+        clipped, missing_sr, light,
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def _add_marks_of(  # type: ignore[no-untyped-def]
+    first, last, blocks, starts, pixels, weights, illumination, radiance, is_marked, valid,
+    clipped, missing_sr, light,
+):  # fmt: skip
+    red_weight, green_weight, blue_weight = LUMINANCE_WEIGHTS
+    for i in range(first, last):
+        for k in range(starts[i], starts[i + 1]):
+            p = pixels[k]
+            if not is_marked[p]:
+                continue
+            if not valid[p]:
+                share = illumination[p] if len(illumination) else 1.0
+                missing_sr[blocks[i]] += weights[k, 0] * share
+            if clipped[p]:
+                light[blocks[i]] += np.float64(weights[k, 0]) * (
+                    red_weight * np.float64(radiance[p, 0])
+                    + green_weight * np.float64(radiance[p, 1])
+                    + blue_weight * np.float64(radiance[p, 2])
+                )

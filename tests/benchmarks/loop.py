@@ -20,6 +20,7 @@ from capture.merge import merge_bracket
 from capture.picture_memory import PictureMemory
 from capture.radiance import RadianceImage
 from capture.recording import Recording
+from lighting.blocks.block_sums import BlockSums
 from lighting.blocks.source_blocks import apply_source_blocks, build_source_blocks
 from lighting.maps.remap import apply_remap, build_remap
 from lighting.reduce import ADAPTIVE
@@ -80,15 +81,15 @@ def _stream(
     pictures = PictureMemory()
     memory: StreamMemory | None = None
 
-    def merged(bracket: Bracket) -> tuple[Bracket, RadianceImage]:
-        return bracket, merge_bracket(bracket, recording.sensor, pictures, is_beside=True)
+    def prepare(bracket: Bracket, _clock: StageClock) -> tuple[Bracket, RadianceImage, BlockSums]:
+        image = merge_bracket(bracket, recording.sensor, pictures, is_beside=True)
+        return bracket, image, apply_source_blocks(blocks, image, is_beside=True)
 
     def process(
-        item: tuple[Bracket, RadianceImage], clock: StageClock, _counters: Counters
+        item: tuple[Bracket, RadianceImage, BlockSums], clock: StageClock, _counters: Counters
     ) -> None:
         nonlocal memory
-        bracket, image = item
-        view = apply_source_blocks(blocks, image)
+        bracket, image, view = item
         lights, memory = next_lights(view, plan, memory, timestamp_s=bracket.timestamp_s)
         seen = apply_remap(remap, image)
         with clock.stage("render"):
@@ -101,9 +102,9 @@ def _stream(
     folder = None if output is None else ReplayFolder(output, size_px, RATE_HZ)
     start_s, start_cpu_s = time.perf_counter(), time.process_time()
     if folder is None:
-        _, clock = run_session(recording, process, merge=merged)
+        _, clock = run_session(recording, process, prepare=prepare)
     else:
         with folder:
-            _, clock = run_session(recording, process, merge=merged)
+            _, clock = run_session(recording, process, prepare=prepare)
     elapsed_s, cpu_s = time.perf_counter() - start_s, time.process_time() - start_cpu_s
     return 1e3 * elapsed_s / len(recording), 1e3 * cpu_s / len(recording), clock

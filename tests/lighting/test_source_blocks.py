@@ -96,6 +96,13 @@ def pixel_moments(name):
     return np.linalg.norm(moment, axis=-1), moment
 
 
+def test_summing_beside_other_kernels_gives_the_same_bits():
+    name = next(iter(CAMERAS))
+    alone = apply_source_blocks(operator(name), noise(name), is_beside=True)
+    for field, expected in vars(apply_source_blocks(operator(name), noise(name))).items():
+        np.testing.assert_array_equal(getattr(alone, field), expected)
+
+
 @every_camera
 def test_light_and_direction_of_every_pixel_add_up(name):
     camera, image = CAMERAS[name], noise(name)

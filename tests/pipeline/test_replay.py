@@ -186,7 +186,7 @@ def test_a_frame_rate_draws_smaller_pictures_and_says_so(
 
 def test_timings_name_every_stage_of_every_frame(replayed: Path) -> None:
     timings = json.loads((replayed.parent / "t.json").read_text())
-    stages = ["decode", "merge", "remap", "blocks", "lights", "render", "write", END_TO_END]
+    stages = ["decode", "merge", "blocks", "remap", "lights", "render", "write", END_TO_END]
     assert list(timings["stages"]) == stages
     assert [list(frame) for frame in timings["frames"]] == [stages] * 4
     assert all(ms >= 0 for frame in timings["frames"] for ms in frame.values())

@@ -44,12 +44,13 @@ def test_every_bracket_is_processed_in_order_and_timed() -> None:
     assert no_threads_left()
 
 
-def test_the_merge_is_the_producers_and_timed() -> None:
+def test_brackets_are_prepared_by_the_producer_and_timed() -> None:
     seen: list[tuple[int, str]] = []
     told: list[str] = []
 
-    def merged(item: Bracket) -> tuple[int, str]:
-        time.sleep(0.002)
+    def prepare(item: Bracket, clock: StageClock) -> tuple[int, str]:
+        with clock.stage("merge"):
+            time.sleep(0.002)
         return item.index, threading.current_thread().name
 
     def process(item: tuple[int, str], _clock: StageClock, _counters: Counters) -> None:
@@ -57,24 +58,24 @@ def test_the_merge_is_the_producers_and_timed() -> None:
 
     source = [bracket(0), UnreadableFrame("frame 1 is truncated"), bracket(2)]
     _, clock = run_session(
-        source, process, merge=merged, on_failure=lambda error: told.append(str(error))
+        source, process, prepare=prepare, on_failure=lambda error: told.append(str(error))
     )
     assert seen == [(0, "fishlight-producer"), (2, "fishlight-producer")]
-    assert told == ["frame 1 is truncated"], "what cannot be read is not merged"
+    assert told == ["frame 1 is truncated"], "what cannot be read is not prepared"
     for frame in clock.frames:
         assert frame["merge"] >= 2.0 > frame["decode"]
         assert frame[END_TO_END] >= frame["decode"] + frame["merge"]
 
 
-def test_an_exception_of_the_merge_is_raised_here() -> None:
-    def merged(item: Bracket) -> Bracket:
+def test_an_exception_of_the_preparation_is_raised_here() -> None:
+    def prepare(item: Bracket, _clock: StageClock) -> Bracket:
         if item.index == 1:
             raise ValueError("white level")
         return item
 
     seen: list[int] = []
     with pytest.raises(ValueError, match="white level"):
-        run_session(map(bracket, range(3)), rendering(seen), merge=merged)
+        run_session(map(bracket, range(3)), rendering(seen), prepare=prepare)
     assert seen == [0]
     assert no_threads_left()
 
