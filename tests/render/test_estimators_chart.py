@@ -104,6 +104,22 @@ def test_the_reference_is_measured_too(tmp_path):
     assert not np.array_equal(shown.radiance[..., :3], case.truth().radiance)
 
 
+@pytest.mark.parametrize(("long_s", "passes"), [(-1.0, 1), (math.inf, 2)])
+def test_only_short_passes_are_drawn_twice(tmp_path, monkeypatch, long_s, passes):
+    monkeypatch.setattr(convergence, "_PASSES", 2)
+    monkeypatch.setattr(convergence, "_LONG_S", long_s)
+    scenes = {"diffuse": estimators_chart_cli.comparison_scenes((24, 18))["diffuse"]}
+    [case] = estimators_chart_cli.cases_of(scenes, {"m": outdoors(16)}, tmp_path)
+    drawn = []
+
+    def draw(number):
+        drawn.append(number)
+        return case.truth().radiance, 1
+
+    convergence._measured(case, "brdf", 1, 0.0, draw)
+    assert drawn == list(range(passes))
+
+
 def test_what_is_known_is_not_measured_again(map_path, tmp_path, monkeypatch):
     calls = []
 
