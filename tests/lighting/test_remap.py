@@ -105,9 +105,13 @@ def from_each_cell(remap: Remap, per_pixel: NDArray[np.generic]) -> NDArray[np.f
     return np.bincount(cell, values, minlength=remap.coverage.size)
 
 
+LARGE = 512
+"""Pixels across: cells of 512 rows are as wide as they are."""
+
+
 @cache
 def large_remap(height: int) -> tuple[Calibration, Remap]:
-    camera = fisheye(1024, TILTED)
+    camera = fisheye(LARGE, TILTED)
     return camera, build_remap(camera, height)
 
 
@@ -166,7 +170,7 @@ def test_cells_are_valid_where_the_camera_sees_their_centre(camera: Calibration)
     )
 
 
-@pytest.mark.parametrize("height", [64, 128, 256, 512, 1024])
+@pytest.mark.parametrize("height", [32, 64, 128, 256, 512])
 def test_every_pixel_keeps_its_flux_and_its_place(height: int) -> None:
     camera, remap = large_remap(height)
     cell_rad = np.pi / height
@@ -174,7 +178,7 @@ def test_every_pixel_keeps_its_flux_and_its_place(height: int) -> None:
     theta = camera.axis_angle(directions)
     inside = theta < np.pi / 2 - 4 * cell_rad
     # Solid angle of an equidistant pixel: sin θ / (θ f²).
-    pixel_sr = np.sinc(theta / np.pi) * (np.pi / 1024) ** 2
+    pixel_sr = np.sinc(theta / np.pi) * (np.pi / LARGE) ** 2
     cell_sr = np.repeat(solid_angles(height), 2 * height) * (remap.coverage.ravel() >= 0.5)
     flux = from_each_pixel(remap, cell_sr[:, None])[:, 0]
     error = np.abs(flux[inside] / pixel_sr[inside] - 1)
@@ -197,7 +201,7 @@ def test_every_pixel_of_a_360_degree_picture_keeps_its_flux_to_the_poles(height:
     np.testing.assert_allclose(flux.reshape(rows, width), expected, rtol=0.01)
 
 
-@pytest.mark.parametrize("height", [64, 128, 256, 512, 1024])
+@pytest.mark.parametrize("height", [32, 64, 128, 256, 512])
 def test_a_sun_of_half_a_pixel_keeps_its_flux_and_its_place(height: int) -> None:
     camera, remap = large_remap(height)
     cell_rad = np.pi / height
@@ -206,9 +210,9 @@ def test_a_sun_of_half_a_pixel_keeps_its_flux_and_its_place(height: int) -> None
         rng.uniform([-0.5, -0.5], [255, 127 / 3], (4 if height > 300 else 12, 2)), 128
     )
     directions[:3] = [0, 1, 0], [1e-3, 1, 0], [1e-4, 0.6, -0.8]  # zenith and seam
-    x, y = np.meshgrid(np.arange(1024), np.arange(1024))
+    x, y = np.meshgrid(np.arange(LARGE), np.arange(LARGE))
     pixels = pixel_directions(camera)
-    pixel_sr = np.sinc(camera.axis_angle(pixels) / np.pi) * (np.pi / 1024) ** 2
+    pixel_sr = np.sinc(camera.axis_angle(pixels) / np.pi) * (np.pi / LARGE) ** 2
     for direction in directions / np.linalg.norm(directions, axis=1, keepdims=True):
         (u, v), seen = camera.project(direction)
         if not seen or camera.axis_angle(direction) > np.pi / 2 - 4 * cell_rad:
