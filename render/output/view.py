@@ -16,7 +16,9 @@ MIDDLE_GREY = 0.18
 SHOULDER = 0.8
 """Linear value up to which the view is exact."""
 
-_INDEX_SHIFT = 15  # of a float32's bits: exponent and eight bits of the fraction are left
+_INDEX_SHIFT = 15
+"""Of a float32's bits: exponent and eight bits of the fraction are left, few enough for the caches,
+and enough for no two codes to begin between two neighbours."""
 
 
 def to_display(radiance: NDArray[np.floating], exposure_ev: float) -> NDArray[np.uint8]:
@@ -84,11 +86,10 @@ def _encode(
                 exposed[3 * column + channel] = value if value > 0 else np.float32(0)  # NaN too
         for column in range(width):
             for channel in range(3):
-                at = 3 * column + channel
-                code = codes[bits[at] >> _INDEX_SHIFT]
-                while exposed[at] >= begins[code + 1]:
-                    code += np.uint8(1)
-                shown[row, column, channel] = code
+                at = np.uintp(3 * column + channel)
+                code = np.uintp(codes[bits[at] >> np.uint32(_INDEX_SHIFT)])
+                is_next = exposed[at] >= begins[code + np.uintp(1)]
+                shown[row, column, channel] = code + np.uintp(is_next)
 
 
 def roll_off(linear: NDArray[np.floating]) -> NDArray[np.floating]:

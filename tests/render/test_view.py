@@ -39,6 +39,11 @@ def test_every_code_begins_where_the_formula_says():
     assert_array_equal(shown[0, :, 2], _code(spread.astype(np.float64)))
 
 
+def test_between_neighbours_of_the_table_one_code_begins_at_most():
+    codes, _ = _code_tables()
+    assert np.diff(codes.astype(int)).max() == 1
+
+
 def test_what_is_no_light_is_black():
     picture = np.array([[[-1.0, -0.0, np.nan]]], np.float32)
     assert_array_equal(to_display(picture, 3.0), np.zeros((1, 1, 3)))
