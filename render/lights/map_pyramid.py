@@ -92,15 +92,6 @@ def _halve(
 
 
 @njit(nogil=True)
-def mean_around(
-    levels: _FLOATS, starts: NDArray[np.int64], u: float, v: float, width_rad: float
-) -> _RGB:  # pragma: no cover - compiled
-    """Return the mean over a square about u, v, of a `MapPyramid`'s map; for kernels."""
-    turn, octave = around(v, width_rad)
-    return mean_over(levels, starts, np.float32(u), np.float32(v), turn, octave)
-
-
-@njit(nogil=True)
 def around(
     v: float, width_rad: float
 ) -> tuple[np.float32, np.float32]:  # pragma: no cover - compiled

@@ -17,12 +17,24 @@ from numpy.typing import NDArray
 from lighting.export.residual import remove_lights
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
-from render.lights.map_pyramid import MapPyramid, mean_around
+from render.lights.map_places import place_on_map
+from render.lights.map_pyramid import MapPyramid, mean_over
 from render.lights.narrow_lights import PEAK_RAD, narrow_lights
 from render.moving.shared_rays import Discs
-from render.rays.embree import PACKET, occluded16, occluded16_address, packet
-from render.rays.first_hits import ALPHA2, F0, F90, FACE_NORMAL, GLOSSY, KIND, LANES, NORMAL, SIDE
-from render.rays.lobe import lobe_points, lobe_ray, meets
+from render.rays.embree import PACKET, coherent16, occluded16_address, packet
+from render.rays.first_hits import (
+    ALPHA2,
+    F0,
+    F90,
+    FACE_NORMAL,
+    FIELDS,
+    GLOSSY,
+    KIND,
+    LANES,
+    NORMAL,
+    SIDE,
+)
+from render.rays.lobe import lobe_points, lobe_rays
 from render.rays.traced_scene import TracedScene
 
 _FLOATS = NDArray[np.float32]
@@ -31,8 +43,8 @@ ROUGH_ALPHA = 0.2
 """GGX width of a lobe from which on a few dozen lights stand for the map as well as rays do."""
 
 _RAYS = 8
-_PLACE = 3 * 4 + 1  # rows of a surface as lobe_ray takes it
-_FAR_M = 1e30
+_PLACE = 3 * 4 + 1  # rows of a surface as lobe_rays takes it
+_FAR_M = np.float32(1e30)
 
 
 def add_reflected_map(
@@ -96,40 +108,52 @@ def _add_reflected_map(
 ) -> None:  # pragma: no cover - compiled
     height, width = picture.shape[:2]
     for row in prange(1, surfaces.shape[0] - 1):
+        seen = np.empty((FIELDS, PACKET), np.float32)
         part = np.empty((_PLACE, PACKET), np.float32)
         mirrored = np.empty((3, PACKET), np.float32)
         rays, valid = packet()
-        for lane in range(LANES):
-            line = SIDE * (row - 1) + lane // SIDE
-            if line >= height:
+        for column in range(1, surfaces.shape[3] - 1):
+            if not _load_mirrors(surfaces, row, column, np.float32(rough_alpha2), seen):
                 continue
-            for first in range(1, surfaces.shape[3] - 1, PACKET):
-                seen = surfaces[row, lane, :, first : first + PACKET]
-                if not _load(seen, eye, np.float32(offset_m), np.float32(rough_alpha2), part):
-                    continue
-                _mirror(
-                    function, scene, sphere, part, seen, points, levels, starts, ground, rays,
-                    valid, mirrored,
-                )  # fmt: skip
-                for i in range(PACKET):
-                    column = SIDE * (first - 1 + i) + lane % SIDE
-                    if part[12, i] > 0 and column < width:
-                        for c in range(3):
-                            picture[line, column, c] += mirrored[c, i]
+            _place(seen, eye, np.float32(offset_m), part)
+            _mirror(
+                function, scene, sphere, part, seen, points, levels, starts, ground, rays, valid,
+                mirrored,
+            )  # fmt: skip
+            for lane in range(LANES):
+                y, x = SIDE * (row - 1) + lane // SIDE, SIDE * (column - 1) + lane % SIDE
+                if part[12, lane] > 0 and y < height and x < width:
+                    for c in range(3):
+                        picture[y, x, c] += mirrored[c, lane]
 
 
 @njit(nogil=True, error_model="numpy")
-def _load(
-    seen: _FLOATS, eye: _FLOATS, offset_m: np.float32, rough_alpha2: np.float32, part: _FLOATS
+def _load_mirrors(
+    surfaces: _FLOATS, row: int, column: int, rough_alpha2: np.float32, seen: _FLOATS
 ) -> bool:  # pragma: no cover - compiled
-    """Set `part` as `lobe_ray` takes it; return whether any surface mirrors."""
+    """Copy a tile's surfaces, α² −1 where nothing is mirrored; return whether anything is."""
     some = False
-    for i in range(PACKET):
-        mirrors = seen[KIND, i] == GLOSSY and seen[ALPHA2, i] < rough_alpha2
-        part[12, i] = max(seen[ALPHA2, i], np.float32(1e-10)) if mirrors else np.float32(-1)
-        some |= mirrors
+    for lane in range(LANES):
+        some |= surfaces[row, lane, KIND, column] == GLOSSY
     if not some:
         return False
+    some = False
+    for lane in range(LANES):
+        for field in range(FIELDS):
+            seen[field, lane] = surfaces[row, lane, field, column]
+        alpha2 = seen[ALPHA2, lane]
+        mirrors = seen[KIND, lane] == GLOSSY and alpha2 < rough_alpha2
+        seen[ALPHA2, lane] = max(alpha2, np.float32(1e-10)) if mirrors else np.float32(-1)
+        some |= mirrors
+    return some
+
+
+@njit(nogil=True, error_model="numpy")
+def _place(
+    seen: _FLOATS, eye: _FLOATS, offset_m: np.float32, part: _FLOATS
+) -> None:  # pragma: no cover - compiled
+    """Set `part` as `lobe_rays` takes it."""
+    part[12] = seen[ALPHA2]
     for i in range(PACKET):
         squared = np.float32(1e-30)
         for axis in range(3):
@@ -140,7 +164,6 @@ def _load(
             squared += part[9 + axis, i] ** 2
         for axis in range(3):
             part[9 + axis, i] /= math.sqrt(squared)
-    return True
 
 
 @njit(nogil=True, error_model="numpy")
@@ -160,31 +183,25 @@ def _mirror(
 ) -> None:  # pragma: no cover - compiled
     """Set `mirrored` (3, 16) to the radiance that surfaces with α² > 0 mirror."""
     count = points.shape[0]
-    passed = np.empty((3, PACKET))  # weight, what of it is of f90, width of the look-up
+    passed, places = np.empty((3, PACKET), np.float32), np.empty((4, PACKET), np.float32)
+    each, one = np.float32(1 / count), np.float32(1)
     mirrored[:] = 0
     rays[:3] = part[:3]
     for r in range(count):
-        for i in range(PACKET):
-            valid[i] = 0
-            passed[0, i] = 0
-            rays[8, i] = _FAR_M
-            if part[12, i] > 0:
-                x, y, z, weight, c5, share = lobe_ray(part, i, points[r, 0], points[r, 1], count)
-                rays[4, i], rays[5, i], rays[6, i] = x, y, z
-                valid[i] = -np.int32(weight > 0 and meets(part, i, x, y, z, sphere))
-                passed[0, i], passed[1, i], passed[2, i] = weight / count, c5, math.sqrt(share)
-        occluded16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
+        rays[8] = _FAR_M
+        lobe_rays(part, points[r, 0], points[r, 1], count, sphere, rays, valid, passed)
+        coherent16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
+        place_on_map(rays[4:7], passed[2], places)
         for i in range(PACKET):
             if passed[0, i] <= 0 or rays[8, i] < 0:
                 continue
-            x, y, z = rays[4, i], rays[5, i], rays[6, i]
             red, green, blue = ground[0], ground[1], ground[2]
-            if y >= 0 or math.isnan(red):
-                u = 0.5 - math.atan2(x, z) / (2 * math.pi)
-                v = math.atan2(math.hypot(x, z), y) / math.pi
-                red, green, blue = mean_around(levels, starts, u, v, passed[2, i])
-            facing, grazing = passed[0, i] * (1 - passed[1, i]), passed[0, i] * passed[1, i]
-            grazing *= seen[F90, i]
+            if rays[5, i] >= 0 or math.isnan(red):
+                red, green, blue = mean_over(
+                    levels, starts, places[0, i], places[1, i], places[2, i], places[3, i]
+                )
+            weight, grazing = each * passed[0, i], passed[1, i]
+            facing, grazing = weight * (one - grazing), weight * grazing * seen[F90, i]
             mirrored[0, i] += (facing * seen[F0, i] + grazing) * red
             mirrored[1, i] += (facing * seen[F0 + 1, i] + grazing) * green
             mirrored[2, i] += (facing * seen[F0 + 2, i] + grazing) * blue

@@ -11,9 +11,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from render.rays.embree import PACKET
 from render.rays.tangent_frame import tangent_frame
 
 _FLOATS = NDArray[np.float32]
+
+_LOOSE = {"contract", "reassoc", "nnan", "ninf", "nsz", "arcp"}
+
+_ROW = tuple(np.uint64(PACKET * row) for row in range(13))
 
 _OVERLAP = 0.7
 """What a ray looks up, over the share that it stands for, by solid angle: the pyramid's cells, and
@@ -94,3 +99,83 @@ def lobe_ray(
         return x, y, z, 0.0, 0.0, share
     g_l = math.sqrt(alpha2 + (1 - alpha2) * lz * lz)
     return x, y, z, lz * (vz + g_v) / (vz * g_l + lz * g_v), (1 - v_h) ** 5, share
+
+
+@njit(nogil=True, fastmath=_LOOSE, error_model="numpy")
+def lobe_rays(
+    part: _FLOATS,
+    a: float,
+    b: float,
+    count: int,
+    sphere: _FLOATS,
+    rays: _FLOATS,
+    valid: NDArray[np.int32],
+    passed: _FLOATS,
+) -> None:  # pragma: no cover - compiled
+    """Aim a packet of `rays` as `lobe_ray` does each, and mark those that meet a sphere.
+
+    `passed` (3, 16) is set to G₂/G₁, (1 − v·h)⁵ and sr to look up. All is float32, and vectorised.
+    """
+    zero, one, two = np.float32(0), np.float32(1), np.float32(2)
+    radius, turn = math.sqrt(a), 2 * math.pi * b
+    aside = radius * math.cos(turn)
+    t1, up = np.float32(aside), np.float32(radius * math.sin(turn))
+    half_chord = np.float32(math.sqrt(max(1 - aside * aside, 0.0)))
+    full_share = np.float32(_OVERLAP * 2 * math.pi / count)
+    # Rows a known way apart in a line, or the loop is not vectorised for fear of overlaps.
+    surface, ray, out = part.reshape(-1), rays.reshape(-1), passed.reshape(-1)
+    for i in range(np.uint64(PACKET)):
+        nx, ny, nz = surface[_ROW[3] + i], surface[_ROW[4] + i], surface[_ROW[5] + i]
+        sign = one if nz >= 0 else -one
+        c = -one / (sign + nz)
+        d = nx * ny * c
+        tx, ty, tz = one + sign * nx * nx * c, sign * d, -sign * nx
+        bx, by, bz = d, sign + ny * ny * c, -ny
+        ex, ey, ez = surface[_ROW[9] + i], surface[_ROW[10] + i], surface[_ROW[11] + i]
+        vx, vy = ex * tx + ey * ty + ez * tz, ex * bx + ey * by + ez * bz
+        vz = max(ex * nx + ey * ny + ez * nz, np.float32(1e-4))
+        alpha2 = max(surface[_ROW[12] + i], np.float32(1e-10))
+        alpha = np.float32(math.sqrt(alpha2))
+
+        sx, sy, sz = alpha * vx, alpha * vy, vz
+        scale = one / np.float32(math.sqrt(sx * sx + sy * sy + sz * sz))
+        sx, sy, sz = sx * scale, sy * scale, sz * scale
+        across = np.float32(math.sqrt(sx * sx + sy * sy))
+        is_slanted = across > np.float32(1e-7)
+        scale = one / max(across, np.float32(1e-7))
+        ux = -sy * scale if is_slanted else one
+        uy = sx * scale if is_slanted else zero
+        s = np.float32(0.5) * (one + sz)
+        t2 = (one - s) * half_chord + s * up
+        t3 = np.float32(math.sqrt(max(one - t1 * t1 - t2 * t2, zero)))
+        hx = alpha * (t1 * ux - t2 * sz * uy + t3 * sx)
+        hy = alpha * (t1 * uy + t2 * sz * ux + t3 * sy)
+        hz = max(t2 * (sx * uy - sy * ux) + t3 * sz, np.float32(1e-9))
+        scale = one / np.float32(math.sqrt(hx * hx + hy * hy + hz * hz))
+        hx, hy, hz = hx * scale, hy * scale, hz * scale
+
+        v_h = vx * hx + vy * hy + vz * hz
+        lx, ly, lz = two * v_h * hx - vx, two * v_h * hy - vy, two * v_h * hz - vz
+        x = lx * tx + ly * bx + lz * nx
+        y = lx * ty + ly * by + lz * ny
+        z = lx * tz + ly * bz + lz * nz
+        facing = x * surface[_ROW[6] + i] + y * surface[_ROW[7] + i] + z * surface[_ROW[8] + i]
+        g_v = np.float32(math.sqrt(alpha2 + (one - alpha2) * vz * vz))
+        spread = hx * hx + hy * hy + alpha2 * hz * hz
+        g_l = np.float32(math.sqrt(alpha2 + (one - alpha2) * lz * lz))
+        is_seen = (surface[_ROW[12] + i] > 0) & (lz > 0) & (facing > 0)
+        shadowed = lz * (vz + g_v) / (vz * g_l + lz * g_v)
+        left = one - v_h
+        out[_ROW[0] + i] = shadowed if is_seen else zero
+        out[_ROW[1] + i] = left * left * left * left * left
+        out[_ROW[2] + i] = full_share * spread * spread * (vz + g_v) / alpha2
+        dx, dy, dz = (
+            sphere[0] - surface[_ROW[0] + i],
+            sphere[1] - surface[_ROW[1] + i],
+            sphere[2] - surface[_ROW[2] + i],
+        )
+        along = dx * x + dy * y + dz * z
+        off2 = dx * dx + dy * dy + dz * dz - along * along
+        meets = (off2 < sphere[3] * sphere[3]) & (along > -sphere[3])
+        ray[_ROW[4] + i], ray[_ROW[5] + i], ray[_ROW[6] + i] = x, y, z
+        valid[i] = -np.int32(is_seen & meets)
