@@ -1,7 +1,9 @@
 """What a claim is, and what was found of it."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from statistics import median
 
 import msgspec
 
@@ -37,6 +39,8 @@ class Claim:
         What is measured, and when it is said to hold.
     measure : callable
         From maps by name to findings.
+    decided_by : str
+        The figure of findings that tells whether it holds.
     """
 
     name: str
@@ -44,6 +48,22 @@ class Claim:
     source: str
     test: str
     measure: Callable[[Maps], list[Finding]]
+    decided_by: str
+
+
+def over(error: float, other: float) -> float:
+    """Return error / other; infinite where only the other is 0, and 1 where both are."""
+    if other == 0:
+        return 1.0 if error == 0 else math.inf
+    return error / other
+
+
+def found(claim: Claim, findings: Sequence[Finding]) -> str:
+    """Return the range and the median of what decides a claim."""
+    told = [each.figures for each in findings if each.holds is not None]
+    values = [figures[claim.decided_by] for figures in told if claim.decided_by in figures]
+    least, middle, most = min(values), median(values), max(values)
+    return f"{claim.decided_by} {least:.3g} to {most:.3g}, median {middle:.3g}"
 
 
 def verdict(findings: Sequence[Finding]) -> str:

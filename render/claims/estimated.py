@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lighting.maps.environment import EnvironmentMap
-from render.claims.contract import Claim, Finding, Maps
+from render.claims.contract import Claim, Finding, Maps, over
 from render.estimators.contract import Setting, Shadows
 from render.estimators.registry import ESTIMATORS
 from render.rays.background import picture_rays
@@ -34,6 +34,8 @@ SIZE_PX = (48, 32)
 FEW, MANY = 64, 512
 CANDIDATES = 64
 
+_FEW_OVER_MANY = f"error of {FEW} Hammersley over {MANY} random"
+_AT_EQUAL_RAYS = "error at equal rays over drawn by light"
 _ESTIMATES = 6
 _BY_LIGHT = "inverse-cdf"
 _RESAMPLED = ("rejection-light", "rejection-brdf", "resampling-light", "resampling-brdf")
@@ -132,6 +134,7 @@ def _hammersley_against_random(maps: Maps) -> list[Finding]:
             f"error of {FEW} Hammersley": few,
             f"error of {FEW} random": few_random,
             f"error of {MANY} random": many_random,
+            _FEW_OVER_MANY: over(few, many_random),
         }
         findings.append(Finding(name, figures, few <= many_random))
     return findings
@@ -148,7 +151,7 @@ def _cost_of_resampling(maps: Maps) -> list[Finding]:
                 "candidates for each ray": found.candidates / found.rays,
                 "µs of CPU for each ray": 1e6 * found.cpu_s / found.rays,
                 "µs, drawn by light": 1e6 * plain.cpu_s / plain.rays,
-                "error at equal rays over drawn by light": at_equal_rays,
+                _AT_EQUAL_RAYS: at_equal_rays,
                 "error at equal time over drawn by light": found.error
                 / plain.error
                 * math.sqrt(found.cpu_s / plain.cpu_s),
@@ -166,6 +169,7 @@ WAVELET = Claim(
     "Standard deviation of estimates of the default scene's surfaces, with shadows, points moved "
     f"at random for each. Holds where {FEW} Hammersley points have no more than {MANY} random.",
     _hammersley_against_random,
+    _FEW_OVER_MANY,
 )
 RESAMPLING = Claim(
     "what sample and resample costs",
@@ -175,4 +179,5 @@ RESAMPLING = Claim(
     f"{CANDIDATES} candidates for each surface of the default scene. Holds where more than half "
     f"are thrown away and the error at equal rays is below that of directions drawn by light.",
     _cost_of_resampling,
+    _AT_EQUAL_RAYS,
 )

@@ -20,11 +20,13 @@ from lighting.measures.error_measures import (
 )
 from lighting.methods.inverse_cdf import lights_of_points
 from lighting.reduce import reduce_to_lights
-from render.claims.contract import Claim, Finding, Maps
+from render.claims.contract import Claim, Finding, Maps, over
 
 FEW, MANY = 300, 3000
 CELL_COUNTS = (32, 64, 128, 256)
 
+_FEW_OVER_MANY = f"error of {FEW} structured over {MANY} random"
+_OVER_LLOYD = "error, Kollig-Keller over Lloyd"
 _DRAWS = 4
 _AZIMUTHS, _ELEVATIONS = 8, 48
 
@@ -47,6 +49,7 @@ def _structured_against_plain(maps: Maps) -> list[Finding]:
             f"error of {FEW} structured": structured,
             f"error of {FEW} random": few,
             f"error of {MANY} random": many,
+            _FEW_OVER_MANY: over(structured, many),
         }
         findings.append(Finding(name, figures, structured <= many))
     return findings
@@ -64,7 +67,8 @@ def _kollig_keller_against_lloyd(maps: Maps) -> list[Finding]:
                 seen = received(boundaries, lights, as_points=True)
                 figures[f"error, {label}"] = boundary_error(seen, true)
                 figures[f"largest step, {label}"] = largest_step(seen)
-            holds = figures["error, Kollig-Keller"] < figures["error, Lloyd"]
+            figures[_OVER_LLOYD] = over(figures["error, Kollig-Keller"], figures["error, Lloyd"])
+            holds = figures[_OVER_LLOYD] < 1
             findings.append(Finding(f"{name}, {count} lights", figures, holds))
     return findings
 
@@ -112,6 +116,7 @@ STRUCTURED = Claim(
     f"{FEW} structured lights err no more than {MANY:,} drawn by luminance × solid angle "
     f"(root mean square of {_DRAWS} draws).",
     _structured_against_plain,
+    _FEW_OVER_MANY,
 )
 KOLLIG_KELLER = Claim(
     "Kollig-Keller against Lloyd",
@@ -121,4 +126,5 @@ KOLLIG_KELLER = Claim(
     f"Irradiance of a floor across the shadow boundaries of {_AZIMUTHS} walls, lights as points. "
     "Holds where its error is smaller.",
     _kollig_keller_against_lloyd,
+    _OVER_LLOYD,
 )

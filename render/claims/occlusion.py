@@ -17,6 +17,8 @@ CONES_DEG = (180.0, 90.0, 45.0)
 DISTANCES_M = (0.25, 1.0, math.inf)
 SIZE_PX = (240, 180)
 
+_MEAN = "mean occlusion"
+
 Floats = NDArray[np.float32]
 
 
@@ -41,7 +43,7 @@ def _over_cone_and_distance(_maps: Maps) -> list[Finding]:
             openness = seen[seen[..., 1] > 0, 0]
             closed = 1 - float(openness.mean())
             figures = {
-                "mean occlusion": closed,
+                _MEAN: closed,
                 "share of pixels more than half closed": float(np.mean(openness < 0.5)),
             }
             reach = "any distance" if math.isinf(distance) else f"up to {distance:g} m"
@@ -58,4 +60,5 @@ OCCLUSION = Claim(
     "Mean occlusion of the default scene. Holds where it is no smaller than with the next shorter "
     "reach and the next narrower cone.",
     _over_cone_and_distance,
+    _MEAN,
 )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
-from render.claims.contract import Claim, Finding, Maps
+from render.claims.contract import Claim, Finding, Maps, over
 from render.reference.tracing import render_reference
 from render.scenes.default_scene import sphere
 from render.scenes.scene import Camera, Material, Scene
@@ -20,6 +20,7 @@ from render.scenes.scene import Camera, Material, Scene
 ROUGHNESS = (0.15, 0.3, 0.5, 0.75)
 SIZE_PX = (320, 80)
 
+_OVER_POINT = "difference under the map over under a point light"
 _GREY = (0.5, 0.5, 0.5)
 _ERROR = 0.01
 _MOST_SECONDS = 8.0
@@ -77,6 +78,7 @@ def _point_light_against_environments(maps: Maps) -> list[Finding]:
             figures = {
                 "difference under the map": from_map[k],
                 "difference under a point light": from_point[k],
+                _OVER_POINT: over(from_map[k], from_point[k]),
             }
             setting = f"{name}, roughness {ROUGHNESS[k]:g} and {ROUGHNESS[k + 1]:g}"
             findings.append(Finding(setting, figures, from_map[k] > from_point[k]))
@@ -96,4 +98,5 @@ POINT_LIGHT = Claim(
     "Dielectric spheres that differ in roughness alone: root mean square of the log ratio of the "
     "radiance of neighbours. Holds where the map makes them differ more than the point light does.",
     _point_light_against_environments,
+    _OVER_POINT,
 )

@@ -9,7 +9,7 @@ import msgspec
 
 from lighting.maps.environment import EnvironmentMap
 from render.claims.combined_techniques import BESIDE, GLOSSY
-from render.claims.contract import Claim, Finding, verdict
+from render.claims.contract import Claim, Finding, found, verdict
 from render.claims.estimated import RESAMPLING, WAVELET
 from render.claims.light_counts import KOLLIG_KELLER, STRUCTURED
 from render.claims.occlusion import OCCLUSION
@@ -77,6 +77,7 @@ def _told(claim: Claim, findings: Sequence[Finding]) -> str:
         f"{claim.name}: {verdict(findings).upper()}",
         f"Claim: {claim.says} ({claim.source})",
         f"Test: {claim.test}",
+        f"Found: {found(claim, findings)}",
     )
     lines = [line for paragraph in paragraphs for line in textwrap.wrap(paragraph, 100)]
     for finding in findings:

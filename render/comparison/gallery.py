@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.report.elements import document, row, section, table
-from render.claims.contract import CONFIRMED, verdict
+from render.claims.contract import CONFIRMED, found, verdict
 from render.claims.occlusion import CONES_DEG, DISTANCES_M, occlusion_grid
 from render.claims.registry import Checked
 from render.comparison.equal_time import Shown, truest
@@ -149,19 +149,23 @@ def _cell(each: Section, shown: Shown, exposure_ev: float) -> str:
     what = f"{each.scene} by {shown.estimator}"
     return (
         f"<td>{_image(to_display(shown.radiance, exposure_ev), what)}"
-        f"<small>error {100 * shown.rmse:.2g} %, says {100 * shown.told:.2g} %</small></td>"
+        f"<small>error {_percent(shown.rmse)}, says {_percent(shown.told)}</small></td>"
         f"<td>{_image(error_picture(shown.radiance, each.truth), f'error of {what}')}"
         f"<small>{shown.rays / 1e6:.2g} M rays, {shown.passes} passes</small></td>"
     )
 
 
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %" if share >= 1 else f"{100 * share:.2g} %"
+
+
 def _claims(checked: Sequence[Checked]) -> str:
     overview = [
-        row([claim.name, claim.says, claim.source, verdict(findings)], kind)
+        row([claim.name, claim.says, claim.source, verdict(findings), found(claim, findings)], kind)
         for claim, findings in checked
         for kind in ["held" if verdict(findings) == CONFIRMED else ""]
     ]
-    parts = [table("", ["Claim", "In words", "Source", "Found here"], overview)]
+    parts = [table("", ["Claim", "In words", "Source", "Found here", "What decides"], overview)]
     for claim, findings in checked:
         figures = list(dict.fromkeys(name for finding in findings for name in finding.figures))
         rows = [

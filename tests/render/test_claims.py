@@ -17,18 +17,26 @@ from render.claims.combined_techniques import (
     glossy_under_sphere,
     single,
 )
-from render.claims.contract import CONFIRMED, NOT_CONFIRMED, Finding, verdict
+from render.claims.contract import CONFIRMED, NOT_CONFIRMED, Claim, Finding, found, over, verdict
 from tests.environments import constant
 
 
-def found(*held):
+def findings(*held):
     return [Finding(str(k), {}, each) for k, each in enumerate(held)]
 
 
 def test_verdicts():
-    assert verdict(found(True, None, True)) == CONFIRMED
-    assert verdict(found(False, False)) == NOT_CONFIRMED
-    assert verdict(found(True, False, None)) == "confirmed in part, 1 of 2 settings"
+    assert verdict(findings(True, None, True)) == CONFIRMED
+    assert verdict(findings(False, False)) == NOT_CONFIRMED
+    assert verdict(findings(True, False, None)) == "confirmed in part, 1 of 2 settings"
+
+
+def test_what_was_found_is_the_range_of_what_decides():
+    claim = Claim("it", "so", "1999", "a test", lambda _maps: [], "ratio")
+    told = [Finding("a", {"ratio": value}, True) for value in (0.5, 4.0, 1.0)]
+    told += [Finding("aside", {"ratio": 9.0}, None), Finding("all", {"largest": 9.0}, True)]
+    assert found(claim, told) == "ratio 0.5 to 4, median 1"
+    assert (over(1.0, 2.0), over(0.0, 0.0), over(1.0, 0.0)) == (0.5, 1.0, math.inf)
 
 
 def test_the_boundary_of_a_constant_sky_is_the_cosine_rule():
@@ -56,7 +64,8 @@ def test_structured_lights_are_compared_with_random_ones(monkeypatch):
     for many_lights, holds in ((8, True), (800, False)):
         monkeypatch.setattr(light_counts, "MANY", many_lights)
         [row] = light_counts.STRUCTURED.measure({"made": outdoors(16)})
-        structured, *_, many = row.figures.values()
+        structured, *_, many, over_many = row.figures.values()
+        assert over_many == structured / many
         assert row.holds == (structured <= many) == holds
 
 

@@ -46,7 +46,7 @@ def small(monkeypatch):
     claims = tuple(
         Claim(name, "so they <say>", "somebody, 1999", "a test", lambda _, held=held: [
             Finding("here", {"a figure": 0.25}, held)
-        ])
+        ], "a figure")
         for name, held in (("what holds", True), ("what does not", False))
     )  # fmt: skip
     monkeypatch.setattr(registry, "CLAIMS", claims)
@@ -72,7 +72,9 @@ def test_writes_charts_tables_and_a_page_that_needs_nothing_else(map_path, tmp_p
         'what holds,"somebody, 1999",confirmed,here,true,a figure,0.25',
         'what does not,"somebody, 1999",not confirmed,here,false,a figure,0.25',
     ]
-    assert "what does not: NOT CONFIRMED" in (output / "claims.txt").read_text()
+    told = (output / "claims.txt").read_text()
+    assert "what does not: NOT CONFIRMED" in told
+    assert "Found: a figure 0.25 to 0.25, median 0.25" in told
 
     page = (output / "gallery.html").read_text()
     assert "so they &lt;say&gt;" in page
