@@ -9,7 +9,7 @@ import pytest
 from calibration.ball import BallFit, fit_ball, pose
 from calibration.ball_cli import calibrate_ball
 from calibration.ball_cone import Pinhole, cone_distance_px, distant_pinhole
-from calibration.ball_outline import find_outline, marked_outline
+from calibration.ball_outline import Outline, find_outline, marked_outline
 from calibration.camera import LEVEL
 from calibration.files import read_calibration, read_records
 from calibration.report_cli import report
@@ -30,6 +30,19 @@ def shot(distance_ratio: float, off_axis_rad: float = 0.0) -> tuple[BallScene, n
     return scene, photograph(scene, supersampling=3)
 
 
+@cache
+def outline_of(distance_ratio: float, off_axis_rad: float = 0.0) -> Outline:
+    """The outline in a picture whose pinhole is known."""
+    scene, picture = shot(distance_ratio, off_axis_rad)
+    return find_outline(picture, Pinhole(scene.focal_px, scene.principal_px))
+
+
+@cache
+def distant_outline() -> Outline:
+    """The outline in the nearest picture, if the ball is taken to be far away."""
+    return find_outline(shot(5.0)[1], distant_pinhole(SIZE))
+
+
 def errors(fit: BallFit, scene: BallScene) -> tuple[np.ndarray, np.ndarray]:
     """Angle from the axis of the calibrated pixels, and the error of their directions, in rad."""
     pixels = np.stack(np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1])), axis=-1)[::3, ::3]
@@ -42,9 +55,9 @@ def errors(fit: BallFit, scene: BallScene) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize(("ratio", "off_axis_rad"), [(5.0, 0.3), (10.0, 0.0), (20.0, 0.3)])
 def test_directions_are_those_that_were_traced(ratio: float, off_axis_rad: float) -> None:
-    scene, picture = shot(ratio, off_axis_rad)
+    scene, _ = shot(ratio, off_axis_rad)
     pinhole = Pinhole(scene.focal_px, scene.principal_px)
-    fit = fit_ball(find_outline(picture, pinhole), SIZE, pinhole)
+    fit = fit_ball(outline_of(ratio, off_axis_rad), SIZE, pinhole)
     angle, error = errors(fit, scene)
     assert fit.distance_ratio == pytest.approx(ratio, rel=2e-3)
     assert np.degrees(np.quantile(error[angle < HALFWAY], 0.95)) < 0.1
@@ -56,9 +69,9 @@ def test_directions_are_those_that_were_traced(ratio: float, off_axis_rad: float
 
 
 def test_a_distance_in_radii_stands_in_for_the_focal_length() -> None:
-    scene, picture = shot(5.0)
+    scene, _ = shot(5.0)
     pinhole = distant_pinhole(SIZE)
-    outline = find_outline(picture, pinhole)
+    outline = distant_outline()
     _, exact = errors(fit_ball(outline, SIZE, pinhole, (5.0, 0.0)), scene)
     angle, assumed = errors(fit_ball(outline, SIZE, pinhole, (20.0, 10.0)), scene)
     assert np.degrees(np.median(exact)) < 0.1
@@ -72,7 +85,7 @@ def test_a_distance_in_radii_stands_in_for_the_focal_length() -> None:
 def test_a_hint_is_as_good_as_a_search() -> None:
     scene, picture = shot(10.0)
     pinhole = Pinhole(scene.focal_px, scene.principal_px)
-    found = find_outline(picture, pinhole)
+    found = outline_of(10.0)
     hinted = find_outline(picture, pinhole, np.array([250.0, 220.0, 200.0]))
     np.testing.assert_allclose(hinted.centre_px, found.centre_px, atol=0.02)
     assert hinted.half_angle_rad == pytest.approx(found.half_angle_rad, rel=1e-4)
@@ -86,9 +99,9 @@ def test_a_ball_marked_by_hand_is_as_good_as_the_mark() -> None:
     long, wide = (100 / 2000 * cosine**power for power in (2, 1))
     assert long < outline.half_angle_rad < wide
     assert outline.support == 0.0
-    scene, picture = shot(10.0)
+    scene, _ = shot(10.0)
     pinhole = Pinhole(scene.focal_px, scene.principal_px)
-    true = find_outline(picture, pinhole)
+    true = outline_of(10.0)
     x, y = true.centre_px
     off = np.array([x + 2, y - 1, scene.focal_px * true.half_angle_rad])
     marked = fit_ball(marked_outline(off, 2.0, pinhole), SIZE, pinhole)
@@ -144,9 +157,7 @@ def test_the_sharpness_of_a_distant_ball_is_that_of_its_closed_form() -> None:
     # From far off r = R sin(θ/2): along the radius R cos(θ/2)/2 px/rad, the lesser, as across it
     # R sin(θ/2)/sin θ = R/(2 cos(θ/2)).
     scene, _ = shot(5.0)
-    fit = fit_ball(
-        find_outline(shot(5.0)[1], distant_pinhole(SIZE)), SIZE, distant_pinhole(SIZE), (1e6, 0.0)
-    )
+    fit = fit_ball(distant_outline(), SIZE, distant_pinhole(SIZE), (1e6, 0.0))
     theta = np.array([0.3, 1.5, 2.5])
     directions = np.stack([np.sin(theta), 0 * theta, -np.cos(theta)], axis=-1)
     radius = fit.calibration.model.radius_px

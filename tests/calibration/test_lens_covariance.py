@@ -44,7 +44,7 @@ def covered(bend_px: float, repeats: int) -> NDArray[np.float64]:
     return np.mean(inside, axis=(0, 2))
 
 
-@pytest.mark.parametrize("bend_px", [0.0, 0.3])
+@pytest.mark.parametrize("bend_px", [pytest.param(0.0, marks=pytest.mark.slow), 0.3])
 def test_errors_are_within_what_is_said_at_every_angle(bend_px: float) -> None:
     # Errors of one lens go together: 40 lenses leave ±0.04 of the share's own noise.
     share = covered(bend_px, 40)

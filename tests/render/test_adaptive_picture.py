@@ -57,7 +57,9 @@ def true_picture(moment: Moment):
     return sum(trace(BALL, CAMERA, part)[INSIDE, :3] for part in parts)
 
 
-@pytest.mark.parametrize(("name", "bound"), [("outdoor", 0.0035), ("indoor", 0.008)])
+@pytest.mark.parametrize(
+    ("name", "bound"), [("outdoor", 0.0035), pytest.param("indoor", 0.008, marks=pytest.mark.slow)]
+)
 def test_adaptive_lights_are_nearer_to_the_truth_than_points(ctx, name, bound):
     moment = read_truth(RECORDINGS / name / "truth").moments[0]
     view = moment.true_map()

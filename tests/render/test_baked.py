@@ -81,7 +81,9 @@ def test_a_fill(ball):
 @pytest.mark.parametrize(
     ("material", "bound"),
     [
-        (Material((0.8, 0.6, 0.5), roughness=0.5, metalness=1.0), 0.03),
+        pytest.param(
+            Material((0.8, 0.6, 0.5), roughness=0.5, metalness=1.0), 0.03, marks=pytest.mark.slow
+        ),
         (Material((0.5, 0.3, 0.2), roughness=0.5), 0.012),
     ],
 )

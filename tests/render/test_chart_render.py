@@ -195,6 +195,7 @@ def test_lights_turn_about_the_vertical():
 
 
 @pytest.mark.gl
+@pytest.mark.slow
 def test_every_way_draws_the_same_scene():
     lights = random_lights(4, seed=3)
     lights = LightSet(lights.directions, lights.irradiance, np.full(4, 0.01))

@@ -56,6 +56,7 @@ def row(estimator="brdf", scene="diffuse", map_name="m", samples=1, ms=1.0, rmse
     return Convergence(scene, map_name, estimator, samples, ms, 0.0, 1, rmse)
 
 
+@pytest.mark.slow
 def test_writes_charts_tables_and_a_page_that_needs_nothing_else(map_path, tmp_path, capsys):
     output = tmp_path / "charts"
     chart_estimators(map_path, output=output)

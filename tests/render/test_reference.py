@@ -127,6 +127,7 @@ def test_the_standard_error_is_true():
     assert math.sqrt(told / seen.mean()) == pytest.approx(1, abs=0.1)
 
 
+@pytest.mark.slow
 def test_directions_of_the_lobe_change_the_error_only():
     scene, camera = default_scene((32, 24))
     light = speckled_map(1)
