@@ -91,6 +91,9 @@ def calibrate_ball(
         raise InputError("--marked-px goes with --ball")
     if reflectance and seen_twice:
         raise InputError("give --reflectance or --seen-twice, not both: each tells the other")
+    hint = np.array(_numbers("--ball", ball, "x,y,radius")) if ball else None
+    shares = _numbers("--reflectance", reflectance, "r,g,b") if reflectance else ()
+    pixels = _two_pixels(seen_twice) if seen_twice else None
     image, cleaned = read_radiance(radiance)
     pinhole = distant_pinhole(image.size_px)
     ratio = None
@@ -99,7 +102,6 @@ def calibrate_ball(
         pinhole = Pinhole(focal_px, (x, y))
     else:
         ratio = ASSUMED_RATIO if distance_ratio is None else (distance_ratio, 0.0)
-    hint = np.array(_numbers("--ball", ball, "x,y,radius")) if ball else None
     try:
         if marked_px is not None and hint is not None:
             outline = marked_outline(hint, marked_px, pinhole)
@@ -109,12 +111,8 @@ def calibrate_ball(
         raise InputError(f"{radiance}: {error}") from None
     stood = pose(*np.radians([yaw_deg, pitch_deg, roll_deg]))
     fit = fit_ball(outline, image.size_px, pinhole, ratio, stood)
-    shares: tuple[float, ...] = ()
-    if reflectance:
-        shares = _numbers("--reflectance", reflectance, "r,g,b")
-    elif seen_twice:
-        direct, mirrored = _two_pixels(seen_twice)
-        shares = measure_reflectance(image, fit.calibration, direct, mirrored)
+    if pixels is not None:
+        shares = measure_reflectance(image, fit.calibration, *pixels)
     calibration = replace(fit.calibration, reflectance=shares)
     write_calibration(output, calibration, ball_fit=ball_record(fit, radiance.name), force=force)
 
@@ -162,8 +160,8 @@ def _numbers(flag: str, text: str, wanted: str) -> tuple[float, ...]:
     return numbers
 
 
-def _two_pixels(text: str) -> "list[Array]":
+def _two_pixels(text: str) -> "tuple[Array, Array]":
     pixels = [np.array(_numbers("--seen-twice", part, "x,y")) for part in text.split()]
     if len(pixels) != 2:
         raise InputError(f'--seen-twice is "x,y x,y", got {text!r}')
-    return pixels
+    return pixels[0], pixels[1]
