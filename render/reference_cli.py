@@ -22,12 +22,8 @@ from render.estimators.registry import PATHS, UNBIASED
 from render.output.pictures import write_picture
 from render.rays.background import look_up, map_coordinates, picture_rays
 from render.reference.accumulation import Progress, nothing_yet
-from render.reference.checkpoint import (
-    checkpoint_of,
-    digest_of,
-    read_checkpoint,
-    write_checkpoint,
-)
+from render.reference.checkpoint import checkpoint_of, read_checkpoint, write_checkpoint
+from render.reference.digest import digest_of
 from render.reference.tracing import ReferencePicture, render_reference
 from render.scenes.scene import Camera, Scene
 

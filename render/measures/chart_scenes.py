@@ -3,10 +3,9 @@
 Input  : sizes; files, if any are given.    Output : scenes with cameras, maps, by name.
 """
 
-import hashlib
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +16,13 @@ from lighting.maps.environment_files import read_environment
 from lighting.simulation.outdoors import outdoors
 from lighting.simulation.sequences import SEQUENCES, frames
 from lighting.simulation.truth import read_truth
+from render.reference.digest import digest_of
 from render.scenes.default_scene import default_scene, frame_meshes, sphere, torus
 from render.scenes.mesh import load_meshes
 from render.scenes.scene import Camera, Material, Mesh, Scene
 
 MAP_ROWS = 256
+_DIGITS = 16  # of digests, which are parts of names
 _RECORDINGS = Path(__file__).resolve().parents[2] / "recordings"
 _MATT = Material((0.7, 0.68, 0.6), specular=0.0)
 
@@ -78,27 +79,12 @@ def chart_maps(paths: Sequence[Path]) -> dict[str, EnvironmentMap]:
 
 def view_digest(scene: Scene, camera: Camera) -> str:
     """Return what tells scenes and cameras apart by all that is in them."""
-    digest = hashlib.sha256()
-
-    def add(item: object) -> None:
-        if isinstance(item, np.ndarray):
-            digest.update(f"{item.dtype} {item.shape}".encode())
-            digest.update(item.tobytes())
-        elif isinstance(item, tuple):
-            for part in item:
-                add(part)
-        elif hasattr(item, "__dataclass_fields__"):
-            add(tuple(getattr(item, field.name) for field in fields(item)))  # type: ignore[arg-type]
-        else:
-            digest.update(repr(item).encode())
-
-    add((scene, camera))
-    return digest.hexdigest()[:16]
+    return digest_of(scene, camera)[:_DIGITS]
 
 
 def map_digest(environment: EnvironmentMap) -> str:
     """Return what tells maps apart by their light."""
-    return hashlib.sha256(environment.radiance.tobytes()).hexdigest()[:16]
+    return digest_of(environment.radiance)[:_DIGITS]
 
 
 def _read(path: Path) -> EnvironmentMap:

@@ -5,12 +5,8 @@ Cost   : 0.1 s and 16 MB for 512 × 512 pixels.
 Fails  : passes after the last write are traced again.
 """
 
-import hashlib
 import zipfile
-from collections.abc import Iterable
-from dataclasses import is_dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -24,17 +20,6 @@ _MEMORY = "memory of samples "
 def checkpoint_of(output: Path) -> Path:
     """Return where the checkpoint of an output lies: beside it."""
     return output.with_name(output.name + ".unfinished")
-
-
-def digest_of(*settings: Any) -> str:
-    """Return what tells pictures apart: a digest of all numbers, arrays and names in `settings`.
-
-    These may be tuples, dataclasses, arrays and plain values, in one another.
-    """
-    digest = hashlib.sha256()
-    for part in _flat(settings):
-        digest.update(part)
-    return digest.hexdigest()
 
 
 def write_checkpoint(path: Path, progress: Progress, digest: str) -> None:
@@ -82,18 +67,3 @@ def read_checkpoint(path: Path, digest: str) -> Progress | None:
     return Progress(
         sums, passes, drawn, factor, elapsed_s, pass_s, relative_error, bool(may_grow), memory
     )
-
-
-def _flat(part: Any) -> Iterable[bytes]:
-    if is_dataclass(part) and not isinstance(part, type):
-        yield type(part).__name__.encode()
-        part = tuple(vars(part).items())
-    if isinstance(part, np.ndarray):
-        yield f"{part.dtype}{part.shape}".encode()
-        yield np.ascontiguousarray(part).tobytes()
-    elif isinstance(part, tuple):
-        yield f"({len(part)})".encode()
-        for each in part:
-            yield from _flat(each)
-    else:
-        yield f"{part!r};".encode()

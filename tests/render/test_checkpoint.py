@@ -21,12 +21,8 @@ from render.reference.accumulation import (
     mean_and_variance,
     nothing_yet,
 )
-from render.reference.checkpoint import (
-    checkpoint_of,
-    digest_of,
-    read_checkpoint,
-    write_checkpoint,
-)
+from render.reference.checkpoint import checkpoint_of, read_checkpoint, write_checkpoint
+from render.reference.digest import digest_of
 from render.reference.passes import Rays
 from render.reference.tracing import render_reference
 from render.render_cli import render
