@@ -44,12 +44,14 @@ class GBuffer:
         self._framebuffer = context.framebuffer([each for _, each in self.textures], self._depth)
         self._program = load_program(context, "gbuffer.vert", "gbuffer.frag")
         self._points = np.concatenate([mesh.positions for mesh in _all_meshes(scene)])
+        of_meshes = sum(len(mesh.positions) for mesh in scene.meshes)
+        self._near_count = of_meshes or len(self._points)  # the ground, last, is too wide to tell
         self._meshes = [_upload(context, self._program, mesh) for mesh in _all_meshes(scene)]
         self.draw(camera)
 
     def draw(self, camera: Camera) -> None:
         """Draw what `camera` sees."""
-        near_m, far_m = _depth_range(self._points, camera)
+        near_m, far_m = _depth_range(self._points, self._near_count, camera)
         clip = camera.world_to_clip(near_m, far_m)
         set_uniforms(self._program, world_to_clip=clip.T, eye=camera.eye)
         self._framebuffer.use()
@@ -104,10 +106,18 @@ def disc(ground: Ground) -> Mesh:
     )
 
 
-def _depth_range(points: NDArray[np.float32], camera: Camera) -> tuple[float, float]:
-    """Near and far plane in m: 1 % of the way to the target, and the farthest point."""
-    far_m = float(np.linalg.norm(points - camera.eye, axis=1).max())
-    return 0.01 * float(np.linalg.norm(camera.target - camera.eye)), 1.01 * far_m
+def _depth_range(
+    points: NDArray[np.float32], near_count: int, camera: Camera
+) -> tuple[float, float]:
+    """Near and far plane in m: 1 % of the way to what is looked at, and the farthest point.
+
+    That is the target, or the farthest of the first `near_count` points: a target may be far away
+    to say no more than which way to look.
+    """
+    distances_m = np.linalg.norm(points - camera.eye, axis=1)
+    target_m = float(np.linalg.norm(camera.target - camera.eye))
+    near_m = 0.01 * min(target_m, float(distances_m[:near_count].max()))
+    return near_m, 1.01 * float(distances_m.max())
 
 
 def _upload(context: moderngl.Context, program: moderngl.Program, mesh: Mesh) -> _DrawnMesh:

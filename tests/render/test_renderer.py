@@ -415,6 +415,15 @@ def test_too_large_a_picture_is_refused_with_the_limit(ctx):
             Renderer(ctx, ball_scene(), camera)
 
 
+def test_how_far_the_target_is_does_not_change_what_is_seen(ctx):
+    way = BALL_CAMERA.target - BALL_CAMERA.eye
+    seen = [
+        picture(ctx, ball_scene(rings=12), replace(BALL_CAMERA, target=target), random_lights(4, 2))
+        for target in (BALL_CAMERA.target, BALL_CAMERA.eye + 2000 * way)
+    ]
+    assert relative_rmse(*seen) < 0.01
+
+
 def test_another_camera_sees_what_a_new_renderer_would(ctx):
     lights = replace(random_lights(20, seed=14), fill=uniform_fill(0.2))
     background = EnvironmentMap(
