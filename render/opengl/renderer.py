@@ -174,7 +174,8 @@ class Renderer(Owner):
         lights, background
             As in `render`.
         most_maps : int or None
-            Most shadow maps of lights that turned to draw anew; key lights come first.
+            Most shadow maps of lights that turned to draw anew; key lights come first. Of more
+            lights than the atlas holds, all are drawn.
         timed : callable
             Given the name of a part, returns a context manager around it.
         """
@@ -256,6 +257,8 @@ class Renderer(Owner):
         timed: Timed,
     ) -> int:
         maps = 0
+        if len(lights[0]) > atlas.capacity:
+            most_maps = None  # what is there is no older map of a light, but another light's
         for first in range(0, len(lights[0]), atlas.capacity):
             directions, irradiance, radius_rad = (
                 each[first : first + atlas.capacity] for each in lights

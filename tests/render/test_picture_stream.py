@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from render.opengl import renderer as renderer_module
 from render.opengl.picture_stream import BEHIND, PictureStream, _Slot
 from render.opengl.renderer import Renderer
 from render.scenes.default_scene import sphere
@@ -54,6 +55,16 @@ def test_maps_wait_where_there_is_no_time(ctx):
         assert renderer.draw(second) == 0
         assert renderer.draw(first, most_maps=0) == 0
     assert np.isfinite(held).all()
+
+
+def test_maps_of_lights_that_take_turns_in_the_atlas_do_not_wait(ctx, monkeypatch):
+    monkeypatch.setattr(renderer_module, "ATLAS_SIDE_PX", 256)  # four maps
+    lights = random_lights(12, 3)
+    with Renderer(ctx, SCENE, CAMERA) as renderer:
+        expected = renderer.render(lights)
+        renderer.draw(lights, most_maps=0)
+        drawn = renderer.as_picture(renderer.framebuffer.read(components=4, dtype="f4"))
+    assert_array_equal(drawn, expected)
 
 
 @pytest.mark.parametrize("device_ms", [100.0, 0.1])
