@@ -2,7 +2,7 @@
 //
 // L = Σ f(l, v) E (n·l) V over the lights, f = (1 − F) ρ / π + D G F / (4 n·l n·v), with the GGX
 // distribution D, Smith's height-correlated G and Schlick's F: the BRDF of glTF 2.0, appendix B.
-// Beside ρ, E (n·l) is the irradiance from the light's whole disc (render/discs.py), which the
+// Beside ρ, E (n·l) is the irradiance from the light's whole disc (render/lights/discs.py), which the
 // surface's horizon may cut. V is the share of the disc that is seen: from visibility.frag, where
 // each pixel has looked at the lights of its turn. For all others it takes V from the pixels around
 // that have theirs and show the same surface. Only V is shared; light itself is summed exactly.
