@@ -20,7 +20,7 @@ from render.live.settings import Settings
 from render.live.stream import stream_message
 from render.session import Counters
 from tests.render.live_recording import make_recording
-from tests.render.test_live_session import Drawer
+from tests.render.live_run import Drawer
 
 MODELS = load_models(())
 LEFT, RIGHT = (-1.0, 0.0, 0.0), (1.0, 0.0, 0.0)
