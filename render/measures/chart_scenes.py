@@ -60,7 +60,7 @@ def chart_maps(paths: Sequence[Path]) -> dict[str, EnvironmentMap]:
     Raises
     ------
     InputError
-        If a file cannot be read or holds no light.
+        If a file cannot be read or holds no light above the horizon.
     """
     if paths:
         return {str(path): _read(path) for path in paths}
@@ -89,8 +89,8 @@ def map_digest(environment: EnvironmentMap) -> str:
 
 def _read(path: Path) -> EnvironmentMap:
     environment, _ = read_environment(path)
-    if not environment.radiance.any():
-        raise InputError(f"{path}: there is no light in it to render by")
+    if not environment.radiance[: (environment.height + 1) // 2].any():
+        raise InputError(f"{path}: there is no light above its horizon to render by")
     return environment
 
 
