@@ -1,7 +1,6 @@
 """`fishlight chart render`: what ways to a picture are worth, measured here and drawn."""
 
 from collections.abc import Iterable, Mapping
-from functools import cache, partial
 from pathlib import Path
 from statistics import median
 from typing import Annotated, TypeVar
@@ -13,11 +12,10 @@ from capture.arguments import Output
 from capture.errors import InputError
 from capture.output import refuse_existing, write_text
 from capture.progress import progress
-from lighting.maps.environment import EnvironmentMap
 from lighting.measures.known import read_known, write_known
 from render.measures import chart, growth
-from render.measures.chart_scenes import View, chart_maps, chart_scenes
-from render.measures.truths import truth_of
+from render.measures.chart_scenes import chart_maps, chart_scenes
+from render.measures.truths import cases_of
 from render.measures.ways import MAIN_WAYS, SHADOW_MAPS, ways
 
 SIZE_PX = (640, 480)
@@ -80,7 +78,7 @@ def chart_render(
     with ways() as compared:
         if SHADOW_MAPS not in compared:
             print("no OpenGL, so not in the chart: shadow maps")
-        cases = _cases(scenes, maps, output / "references")
+        cases = cases_of(scenes, maps, output / "references")
         counts = {
             name: chart.COUNTS if name in MAIN_WAYS else chart.COUNTS_OF_SETTINGS
             for name in compared
@@ -125,23 +123,6 @@ def _saved(rows: Iterable[Row | None], path: Path, known: dict[str, Row]) -> lis
         if row is not None:
             found.append(row)
     return found
-
-
-def _cases(
-    scenes: Mapping[str, View], maps: Mapping[str, EnvironmentMap], folder: Path
-) -> list[chart.Case]:
-    return [
-        chart.Case(
-            scene_name,
-            map_name,
-            scene,
-            camera,
-            environment,
-            cache(partial(truth_of, scene, camera, environment, folder)),
-        )
-        for scene_name, (scene, camera) in scenes.items()
-        for map_name, environment in maps.items()
-    ]
 
 
 def _all_of(things: Mapping[str, object], kind: str) -> str:

@@ -13,10 +13,11 @@ from render.claims import registry
 from render.claims.contract import verdict
 from render.claims.point_light import under, under_point_light
 from render.comparison import convergence
-from render.comparison.cases import cases_of, comparison_scenes
 from render.comparison.equal_time import pictures, truest
+from render.comparison.scenes import comparison_scenes
 from render.measures.chart import Case, as_csv, measuring_digest
 from render.measures.chart_scenes import chart_maps, map_digest
+from render.measures.truths import cases_of
 from render.output.view import auto_exposure_ev, to_display
 
 SIZE_PX = (200, 150)

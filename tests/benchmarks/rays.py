@@ -18,7 +18,7 @@ from embreex.rtcore_scene import EmbreeScene
 from numba import njit
 from numpy.typing import NDArray
 
-from render.comparison.cases import comparison_scenes
+from render.comparison.scenes import comparison_scenes
 from render.estimators.contract import Shadows
 from render.estimators.lobes import draw_reflected
 from render.estimators.map_tables import MapTables, draw_from_map, map_tables

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import read_environment
-from render.comparison.cases import comparison_scenes
+from render.comparison.scenes import comparison_scenes
 from render.estimators.passes import estimate_picture
 from render.estimators_chart_cli import DEFAULT_MAPS
 from render.measures.chart_scenes import View, chart_maps

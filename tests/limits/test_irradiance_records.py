@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lighting.simulation.outdoors import outdoors
-from render.comparison.cases import comparison_scenes
+from render.comparison.scenes import comparison_scenes
 from render.estimators.passes import estimate_picture
 from tests.render.estimator_scene import environment
 

@@ -1,5 +1,6 @@
 """`fishlight chart render`: what is measured, remembered, summarised and drawn."""
 
+import re
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -178,10 +179,20 @@ def test_a_truth_is_traced_once(tmp_path, monkeypatch):
     assert first.variance == again.variance == pytest.approx(0.01)
     truths.truth_of(SCENE, CAMERA, outdoors(8), tmp_path / "kept")
     assert len(traced) == 2
-    for path in (tmp_path / "kept").iterdir():
-        path.write_bytes(b"no archive")
-    with pytest.raises(InputError, match=r"npz: not a kept reference picture .* remove it"):
-        truths.truth_of(SCENE, CAMERA, outdoors(8), tmp_path / "kept")
+    whole = next((tmp_path / "kept").iterdir()).read_bytes()
+    for damaged in (b"no archive", b"", whole[:-9]):
+        for path in (tmp_path / "kept").iterdir():
+            path.write_bytes(damaged)
+        with pytest.raises(InputError, match=r"npz: not a kept reference picture .* remove it"):
+            truths.truth_of(SCENE, CAMERA, outdoors(8), tmp_path / "kept")
+
+
+def test_a_truth_is_traced_anew_when_any_code_that_it_depends_on_changed():
+    reference, *others = truths._CODE
+    sources = "".join(path.read_text() for path in reference.glob("*.py"))
+    imported = set(re.findall(r"^from render\.(\w+)", sources, re.MULTILINE))
+    assert imported <= {folder.name for folder in truths._CODE}
+    assert all(folder.is_dir() for folder in others)
 
 
 def test_lights_turn_about_the_vertical():
@@ -311,7 +322,7 @@ def small(monkeypatch):
     view = {"ball": (SCENE, CAMERA)}
     monkeypatch.setattr(chart_cli, "ways", both)
     monkeypatch.setattr(chart_cli, "chart_scenes", lambda meshes, size_px: view)
-    monkeypatch.setattr(chart_cli, "truth_of", lambda *_arguments: EVEN)
+    monkeypatch.setattr(truths, "truth_of", lambda *_arguments: EVEN)
     monkeypatch.setattr(
         line_chart,
         "draw",
@@ -415,8 +426,11 @@ def test_nothing_is_measured_that_could_not_be_written(small, map_path, tmp_path
     assert not small[RAYS].opened
 
 
-def test_a_map_without_light_is_refused(small, tmp_path):
-    write_environment(tmp_path / "dark.exr", environment(constant(8).radiance * 0))
+@pytest.mark.parametrize("lit_rows", [0, 4])
+def test_a_map_without_light_above_the_horizon_is_refused(small, tmp_path, lit_rows):
+    radiance = constant(8).radiance.copy()
+    radiance[: 8 - lit_rows] = 0
+    write_environment(tmp_path / "dark.exr", environment(radiance))
     with pytest.raises(InputError, match=r"dark\.exr: there is no light"):
         chart_render(tmp_path / "dark.exr", output=tmp_path / "charts")
     assert not (tmp_path / "charts").exists()

@@ -1,18 +1,9 @@
-"""What estimators are compared on: three scenes under maps, and the truth of each.
+"""What estimators are compared on: three scenes of one shape."""
 
-Input  : a size; maps by name.    Output : cases.
-Cost   : the truth of a case takes seconds, when it is first asked for.
-"""
-
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
-from functools import cache, partial
-from pathlib import Path
 
-from lighting.maps.environment import EnvironmentMap
-from render.measures.chart import Case
 from render.measures.chart_scenes import View
-from render.measures.truths import truth_of
 from render.scenes.default_scene import default_scene
 from render.scenes.scene import Material, Scene
 
@@ -25,24 +16,6 @@ def comparison_scenes(size_px: tuple[int, int]) -> dict[str, View]:
         "glossy": (_made_of(scene, _glossy), camera),
         "mixed": (scene, camera),
     }
-
-
-def cases_of(
-    scenes: Mapping[str, View], maps: Mapping[str, EnvironmentMap], folder: Path
-) -> list[Case]:
-    """Return every scene under every map; truths are kept in `folder`."""
-    return [
-        Case(
-            scene_name,
-            map_name,
-            scene,
-            camera,
-            environment,
-            cache(partial(truth_of, scene, camera, environment, folder)),
-        )
-        for map_name, environment in maps.items()
-        for scene_name, (scene, camera) in scenes.items()
-    ]
 
 
 def _made_of(scene: Scene, material_of: Callable[[Material], Material]) -> Scene:
