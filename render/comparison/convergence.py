@@ -29,7 +29,7 @@ from render.estimators.registry import ESTIMATORS
 from render.measures.chart import Case, measuring_digest
 from render.measures.picture_errors import relative_rmse
 from render.reference.accumulation import nothing_yet
-from render.reference.passes import Rays
+from render.reference.sampled_light import Rays
 from render.reference.tracing import render_reference
 from render.scenes.scene import Camera
 

@@ -23,8 +23,9 @@ from render.rays.embree import Occluders, intersect16_address, occluded16_addres
 from render.reference.accumulation import Progress, accumulate, mean_and_variance, nothing_yet
 from render.reference.emitters import draw_pool, emitters_of
 from render.reference.irradiance import irradiance_of
-from render.reference.passes import Rays, Sums, add_pass
+from render.reference.passes import Sums, add_pass
 from render.reference.pixel_rays import SIDE, view_of
+from render.reference.sampled_light import Rays
 from render.reference.surfaces import scene_tables
 from render.scenes.scene import Camera, Scene
 

@@ -23,7 +23,7 @@ from render.reference.accumulation import (
 )
 from render.reference.checkpoint import checkpoint_of, read_checkpoint, write_checkpoint
 from render.reference.digest import digest_of
-from render.reference.passes import Rays
+from render.reference.sampled_light import Rays
 from render.reference.tracing import render_reference
 from render.render_cli import render
 from render.scenes.default_scene import default_scene

@@ -9,7 +9,7 @@ import pytest
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from render.reference.accumulation import LEAST_PASSES
-from render.reference.passes import Rays
+from render.reference.sampled_light import Rays
 from render.reference.tracing import render_reference
 from render.scenes.default_scene import default_scene, sphere
 from render.scenes.scene import Camera, Ground, Material, Mesh, Scene

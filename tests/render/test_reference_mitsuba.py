@@ -7,7 +7,7 @@ import pytest
 
 from lighting.maps.environment import EnvironmentMap
 from lighting.sphere.latlong import cell_directions
-from render.reference.passes import Rays
+from render.reference.sampled_light import Rays
 from render.reference.tracing import render_reference
 from render.scenes.default_scene import default_scene
 from render.scenes.scene import Material, Scene
