@@ -1,16 +1,11 @@
 """Camera files of other programs: conventions by hand, other programs as oracles, no loss."""
 
-import ast
-from contextlib import suppress
 from pathlib import Path
-from time import process_time
 from typing import Any, get_args
 
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from calibration.camera import Calibration, CameraModel
@@ -31,6 +26,7 @@ from calibration.models.orthographic import Orthographic
 from calibration.models.stereographic import Stereographic
 from calibration.models.unified import Unified
 from capture.errors import InputError
+from tests.calibration.format_texts import read_text
 
 _DATA = Path(__file__).resolve().parents[2].parent / "shared/data"
 
@@ -60,12 +56,6 @@ def _camera(name: str) -> Calibration:
     return Calibration(LENSES[name], (640, 480), 1.2)
 
 
-def _read(tmp_path: Path, text: str, camera: str = "") -> tuple[str, ForeignCamera]:
-    path = tmp_path / "camera.txt"
-    path.write_text(text)
-    return read_camera(path, camera)
-
-
 @pytest.fixture
 def pixels() -> NDArray[np.float64]:
     x, y = np.meshgrid(np.linspace(120, 520, 9), np.linspace(50, 440, 7))
@@ -79,7 +69,7 @@ def test_a_lens_comes_back_from_a_file_without_loss(
     tmp_path: Path, pixels: NDArray[np.float64], form: str, lens: str
 ) -> None:
     written = _camera(lens)
-    name, read = _read(tmp_path, FORMATS[form].write(written))
+    name, read = read_text(tmp_path, FORMATS[form].write(written))
     assert name == form
     assert read.image_size_px == (640, 480)
     before, seen = written.model.unproject(pixels)
@@ -119,9 +109,9 @@ def test_programs_that_count_from_the_corner_are_half_a_pixel_off(form: str) -> 
 
 
 def test_colmaps_short_fisheyes_have_one_focal_length(tmp_path: Path) -> None:
-    _, two = _read(tmp_path, "# list\n3 RADIAL_FISHEYE 640 480 300 320 240 0.1 0.02\n")
+    _, two = read_text(tmp_path, "# list\n3 RADIAL_FISHEYE 640 480 300 320 240 0.1 0.02\n")
     assert two.model == KannalaBrandt((319.5, 239.5), 300.0, 0.1, 0.02)
-    _, one = _read(tmp_path, "3 SIMPLE_RADIAL_FISHEYE 640 480 300 320 240 0.1\n")
+    _, one = read_text(tmp_path, "3 SIMPLE_RADIAL_FISHEYE 640 480 300 320 240 0.1\n")
     assert one.model == KannalaBrandt((319.5, 239.5), 300.0, 0.1)
 
 
@@ -151,7 +141,7 @@ def test_kalibrs_numbers_have_their_order(
         f"  distortion_coeffs: {coefficients}\n  intrinsics: {intrinsics}\n"
         "  resolution: [640, 480]\n  T_cam_imu:\n  - [1.0, 0.0,\n    0.0, 0.0]\n  - [0, 1, 0, 0]\n"
     )
-    assert _read(tmp_path, text) == ("kalibr", ForeignCamera(model, (640, 480)))
+    assert read_text(tmp_path, text) == ("kalibr", ForeignCamera(model, (640, 480)))
 
 
 def _cam2world(text: str, row: float, column: float) -> NDArray[np.float64]:
@@ -228,68 +218,7 @@ def test_ros_camera_info_of_a_fisheye_is_read(tmp_path: Path) -> None:
         "  rows: 1\n  cols: 4\n  data: [0.1, 0.02, -0.003, 0.0]\n"
     )
     model = KannalaBrandt((320.0, 240.0), (300.0, 301.0), 0.1, 0.02, -0.003)
-    assert _read(tmp_path, text) == ("opencv", ForeignCamera(model, (640, 480)))
-
-
-def test_a_file_that_mrcal_wrote_is_read(tmp_path: Path) -> None:
-    text = (
-        "# a note\n{\n    'lensmodel':  'LENSMODEL_STEREOGRAPHIC',\n\n"
-        "    # intrinsics are fx,fy,cx,cy,distortion0,distortion1,....\n"
-        "    'intrinsics': [ 300, 301, 320, 240,],\n\n    # extrinsics are rt_fromref\n"
-        "    'extrinsics': [ 0, 0, 0, 0, 0, 0,],\n\n    'imagersize': [ 640, 480,],\n\n\n}\n"
-    )
-    name, read = _read(tmp_path, text)
-    assert (name, read.image_size_px) == ("mrcal", (640, 480))
-    # What mrcal 2.2 itself projects the direction to, and with LONLAT in its place.
-    ray = np.array([0.3, 0.2, -0.5])
-    np.testing.assert_allclose(read.model.project(ray)[0], [1865.84193887, 1273.99649689])
-    _, round_about = _read(tmp_path, text.replace("STEREOGRAPHIC", "LONLAT"))
-    np.testing.assert_allclose(round_about.model.project(ray)[0], [1100.351946, 339.45721702])
-
-
-@pytest.mark.slow
-def test_mrcals_splines_are_those_of_mrcal(tmp_path: Path) -> None:
-    number = np.arange(2 * 11 * 8)
-    corrections = np.round(0.03 * np.sin(1.7 * number) + 0.02 * np.cos(0.31 * number), 4)
-    text = (
-        "{'lensmodel': 'LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=11_Ny=8_fov_x_deg=190',\n"
-        f"'intrinsics': {[300, 301, 320, 240, *corrections.tolist()]}, 'imagersize': [640, 480]}}"
-    )
-    name, read = _read(tmp_path, text)
-    assert name == "mrcal"
-    rays = np.array([[0.3, 0.2, 0.5], [-0.6, 0.4, 0.1], [0.9, -0.1, -0.05], [0.0, 0.0, 1.0]])
-    pixels, valid = read.model.project(rays)
-    assert valid.all()
-    # What mrcal 2.2 itself projects them to.
-    expected = [
-        [487.23306790913546, 355.98729600118827],
-        [-118.63605752776232, 530.4706236311508],
-        [950.9730193691139, 172.12177794687048],
-        [320.6639583333333, 240.08120729166666],
-    ]
-    np.testing.assert_allclose(pixels, expected, rtol=1e-12)
-    back, valid = read.model.unproject(pixels)
-    assert valid.all()
-    np.testing.assert_allclose(back, rays / np.linalg.norm(rays, axis=1)[:, None], atol=1e-12)
-    # It ends at the outermost but one of the control values: 95° to the right, less downward.
-    edge = np.radians([94.9, 95.1])
-    to_the_right = np.stack([np.sin(edge), 0 * edge, np.cos(edge)], axis=-1)
-    np.testing.assert_array_equal(read.model.project(to_the_right)[1], [True, False])
-    down = to_the_right[:, [1, 0, 2]]
-    assert not read.model.project(down)[1].any()
-    written = Calibration(read.model, (640, 480), 1.2)
-    _, again = _read(tmp_path, FORMATS["mrcal"].write(written))
-    np.testing.assert_array_equal(again.model.project(rays)[0], pixels)
-
-
-def test_mrcal_is_told_where_the_lens_holds() -> None:
-    camera = Calibration(Stereographic((200.5, 150.0), 120.0), (400, 300), 1.0)
-    content = ast.literal_eval(FORMATS["mrcal"].write(camera))
-    outline = np.array(content["valid_intrinsics_region"])
-    np.testing.assert_array_equal(outline[0], outline[-1])
-    # 2 f tan ½ is 131 px: all around, for the picture's edge is farther.
-    radius_px = np.linalg.norm(outline - (200.5, 150.0), axis=1)
-    np.testing.assert_allclose(radius_px, 240 * np.tan(0.5), atol=1.1)
+    assert read_text(tmp_path, text) == ("opencv", ForeignCamera(model, (640, 480)))
 
 
 _MATRIX = "K: [300, 0, 320, 0, 300, 240, 0, 0, 1]\nimage_size: [640, 480]\n"
@@ -338,7 +267,7 @@ def test_what_cannot_be_read_is_refused_with_the_reason(
     tmp_path: Path, text: str, complaint: str
 ) -> None:
     with pytest.raises(InputError) as refusal:
-        _read(tmp_path, text)
+        read_text(tmp_path, text)
     assert complaint in str(refusal.value)
     assert str(tmp_path / "camera.txt") in str(refusal.value)
 
@@ -348,10 +277,10 @@ def test_of_several_cameras_one_is_named(tmp_path: Path) -> None:
         f"{number} SIMPLE_RADIAL_FISHEYE 640 480 {number}00 320 240 0\n" for number in (1, 2)
     )
     with pytest.raises(InputError, match="holds 1, 2: choose one with --camera"):
-        _read(tmp_path, text)
+        read_text(tmp_path, text)
     with pytest.raises(InputError, match="no camera '3'"):
-        _read(tmp_path, text, "3")
-    model: Any = _read(tmp_path, text, "2")[1].model
+        read_text(tmp_path, text, "3")
+    model: Any = read_text(tmp_path, text, "2")[1].model
     assert model.focal_px == 200.0
 
 
@@ -382,45 +311,6 @@ def test_an_approximation_tells_its_error(nearest: Nearest) -> None:
 def test_an_approximation_of_such_a_lens_is_the_lens() -> None:
     camera = _camera("kannala_brandt")
     assert approximate(camera, KannalaBrandt).max_rad < 1e-9
-
-
-def test_yaml_of_every_kind_that_is_written() -> None:
-    text = (
-        "%YAML:1.0\n---\n# a remark\na: 1  # another\nb: [1, 2.5, [x, 'y z'],\n   -1e-3]\n"
-        "c: !!opencv-matrix\n   rows: 2\n   data: [ 1., 2. ]\n"
-        "d:\n- - 1\n  - 2\n- k: {u: true, v: ~}\n  l: '#'\ne:\n...\n"
-    )
-    assert parse_yaml(text) == {
-        "a": 1,
-        "b": [1, 2.5, ["x", "y z"], -1e-3],
-        "c": {"rows": 2, "data": [1.0, 2.0]},
-        "d": [[1, 2], {"k": {"u": True, "v": None}, "l": "#"}],
-        "e": None,
-    }
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["", "a: [1, 2", "a: [1 2]]", "a: *b", "a: &b 1", "a: |\n  b", "[" * 50 + "]" * 50, "- " * 99],
-)
-def test_other_yaml_is_refused(text: str) -> None:
-    with pytest.raises(InputError):
-        parse_yaml(text)
-
-
-@given(st.text(alphabet="ab1.-: \n[]{},'\"#&!", max_size=60))
-@settings(max_examples=60, deadline=None)
-def test_any_text_is_yaml_or_refused(text: str) -> None:
-    with suppress(InputError):  # anything else is raised, and fails the test
-        parse_yaml(text)
-
-
-@pytest.mark.parametrize("line", ["a" + 300_000 * " " + "b", "a: " + 300_000 * "1" + "x"])
-def test_a_long_line_takes_no_longer_than_its_length(line: str) -> None:
-    begun_s = process_time()
-    with suppress(InputError):
-        parse_yaml(line)
-    assert process_time() - begun_s < 2.0  # by its square it took 100 s and more
 
 
 @pytest.mark.data
