@@ -6,6 +6,13 @@ surfaces of a packet, or for each its own, by the map or by the cosine. What is 
 `render/estimators/shading.py` does with them. Figures are of one core, in CPU time; two cores trace
 twice as many. Rays "asked" are those that carry light; those that miss the meshes' sphere are
 answered without Embree.
+
+Among floating objects nearly all rays begin on a finely cut surface, and are traced along it. Tried
+there, in rays a second over those of today's settings: Embree's build of high quality 0.99 to 1.03,
+compact scenes 0.76 to 0.90, trees four wide 0.87 to 0.94, AVX2 instead of AVX-512 0.62 to 0.84;
+denormals flushed 1.01 to 1.03; rays of one direction packed with those of the next 0.87 to 0.99;
+packets of rays of one octant 0.77 to 0.81. That a convex mesh does not shade itself would spare
+balls their rays, and few meshes that anyone brings are convex.
 """
 
 import time
