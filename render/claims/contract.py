@@ -10,13 +10,14 @@ import msgspec
 from lighting.maps.environment import EnvironmentMap
 
 CONFIRMED, NOT_CONFIRMED, PARTLY = "confirmed", "not confirmed", "confirmed in part"
+UNDECIDED = "undecided"
 
 
 class Finding(msgspec.Struct, frozen=True):
     """What was measured in one setting: a map, a surface, a number of lights.
 
     `figures` are plain numbers by what they are, with their unit. `holds` is None where the claim
-    says nothing of such a setting, and the figures stand there for comparison.
+    says nothing of such a setting, or where the figures differ by no more than chance makes them.
     """
 
     setting: str
@@ -60,15 +61,17 @@ def over(error: float, other: float) -> float:
 
 def found(claim: Claim, findings: Sequence[Finding]) -> str:
     """Return the range and the median of what decides a claim."""
-    told = [each.figures for each in findings if each.holds is not None]
+    told = [each.figures for each in findings]
     values = [figures[claim.decided_by] for figures in told if claim.decided_by in figures]
     least, middle, most = min(values), median(values), max(values)
     return f"{claim.decided_by} {least:.3g} to {most:.3g}, median {middle:.3g}"
 
 
 def verdict(findings: Sequence[Finding]) -> str:
-    """Return whether a claim is confirmed, by all settings that it speaks of, some or none."""
+    """Return whether a claim is confirmed, by all settings that decide it, some or none."""
     held = [finding.holds for finding in findings if finding.holds is not None]
+    if not held:
+        return UNDECIDED
     if all(held):
         return CONFIRMED
     return f"{PARTLY}, {sum(held)} of {len(held)} settings" if any(held) else NOT_CONFIRMED

@@ -28,6 +28,7 @@ def findings(*held):
 def test_verdicts():
     assert verdict(findings(True, None, True)) == CONFIRMED
     assert verdict(findings(False, False)) == NOT_CONFIRMED
+    assert verdict(findings(None, None)) == verdict([]) == "undecided"
     assert verdict(findings(True, False, None)) == "confirmed in part, 1 of 2 settings"
 
 
@@ -67,6 +68,16 @@ def test_structured_lights_are_compared_with_random_ones(monkeypatch):
         structured, *_, many, over_many = row.figures.values()
         assert over_many == structured / many
         assert row.holds == (structured <= many) == holds
+
+
+@pytest.mark.parametrize(("structured", "holds"), [(0.8, True), (0.99, None), (1.2, False)])
+def test_chance_decides_nothing_between_structured_and_random(monkeypatch, structured, holds):
+    errors_of_draws = iter([structured, *np.ones(32), *np.tile([0.9, 1.1], 16)])
+    monkeypatch.setattr(light_counts, "behind_occluders", lambda _errors: next(errors_of_draws))
+    monkeypatch.setattr(light_counts, "errors", lambda *_lights, **_as_points: None)
+    [row] = light_counts.STRUCTURED.measure({"made": outdoors(8)})
+    assert row.holds is holds
+    assert "over 3000 random" in found(light_counts.STRUCTURED, [row])
 
 
 @pytest.mark.parametrize("distance", [0.1, 0.5, 2.0])
@@ -117,6 +128,7 @@ def test_occlusion_is_confirmed_where_it_grows_with_reach_and_cone(monkeypatch):
     closed = np.reshape([row.figures["mean occlusion"] for row in grid], (3, 3))
     holds = np.reshape([row.holds for row in grid], (3, 3))
     assert np.all(np.diff(closed, axis=1) > 0)  # reach
+    assert holds[0].tolist() == [None, True, True]
     np.testing.assert_array_equal(holds[1:], np.diff(closed, axis=0) >= 0)  # cone
 
 
