@@ -33,13 +33,13 @@ def occlusion_grid() -> dict[tuple[float, float], Floats]:
 
 
 def _over_cone_and_distance(_maps: Maps) -> list[Finding]:
-    findings = []
+    findings: list[Finding] = []
+    grid = occlusion_grid()
     narrower = [0.0] * len(DISTANCES_M)
     for cone in reversed(CONES_DEG):
         shorter = 0.0
         for k, distance in enumerate(DISTANCES_M):
-            scene, camera = default_scene(SIZE_PX)
-            seen = ambient_occlusion(scene, camera, math.radians(cone), distance)
+            seen = grid[cone, distance]
             openness = seen[seen[..., 1] > 0, 0]
             closed = 1 - float(openness.mean())
             figures = {
@@ -47,7 +47,8 @@ def _over_cone_and_distance(_maps: Maps) -> list[Finding]:
                 "share of pixels more than half closed": float(np.mean(openness < 0.5)),
             }
             reach = "any distance" if math.isinf(distance) else f"up to {distance:g} m"
-            holds = closed >= max(shorter, narrower[k])
+            # The first has nothing to be held against.
+            holds = closed >= max(shorter, narrower[k]) if findings else None
             findings.append(Finding(f"cone {cone:g}°, {reach}", figures, holds))
             shorter = narrower[k] = closed
     return findings
