@@ -26,7 +26,7 @@ _BAND = "Band: nothing else is both cheaper and truer; beside it, the number of 
 
 ERROR_CHART = Chart(
     "Pictures under an environment map: error against time",
-    f"{_BAND} Grey: with another setting. All lights turn; with rays, objects and camera move, "
+    f"{_BAND} Grey: other settings. Lights and camera move; transport: lights only; rays: objects "
     "too.",
     (
         Panel("Relative RMSE, median", RMSE),
