@@ -38,7 +38,7 @@ from render.rays.background import (
     with_ground,
 )
 from render.rays.embree import occluded16_address
-from render.rays.first_hits import empty_surfaces, in_picture
+from render.rays.surface_rows import empty_surfaces, in_picture
 from render.rays.traced_scene import TracedScene
 from render.scenes.scene import Camera, Scene
 

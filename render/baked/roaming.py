@@ -27,7 +27,7 @@ from render.moving.surroundings import mark_surfaces, show_map
 from render.owner import Owner
 from render.rays.background import with_ground
 from render.rays.embree import occluded16_address
-from render.rays.first_hits import FIELDS, empty_surfaces
+from render.rays.surface_rows import FIELDS, empty_surfaces
 from render.rays.traced_scene import TracedScene
 from render.scenes.scene import Camera, Scene
 

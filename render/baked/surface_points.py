@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from render.rays.first_hits import (
+from render.rays.surface_rows import (
     F0,
     F90,
     GROUND,

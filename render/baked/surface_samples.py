@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lighting.maps.environment import LUMINANCE_WEIGHTS
 from render.baked.transport_kernel import TILE
-from render.rays.first_hits import (
+from render.rays.surface_rows import (
     ALPHA2,
     F0,
     F90,
@@ -61,7 +61,7 @@ class SurfaceSamples:
 
 
 def surface_samples(traced: TracedScene, camera: Camera, seen: _FLOATS) -> SurfaceSamples:
-    """Return the samples of `seen`, (H, W, FIELDS) of first_hits, that show anything."""
+    """Return the samples of `seen`, (H, W, FIELDS) of surface_rows, that show anything."""
     kind = seen[..., KIND]
     samples = _in_tiles(kind != NOTHING)
     values = seen.reshape(-1, FIELDS)[samples]

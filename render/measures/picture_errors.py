@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.measures.flip import hdr_flip
-from render.rays.first_hits import KIND, NORMAL, NOTHING, POSITION, empty_surfaces, in_picture
+from render.rays.surface_rows import KIND, NORMAL, NOTHING, POSITION, empty_surfaces, in_picture
 from render.rays.traced_scene import TracedScene
 from render.scenes.scene import Camera, Scene
 

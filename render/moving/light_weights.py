@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from render.moving.shadow_rays import CURVE, HALF, IRRADIANCE, LOOSE, MIRRORED, SINE, SPREAD
-from render.rays.first_hits import ALPHA2, F0, F90, FACE_NORMAL, MATT, NORMAL
+from render.rays.surface_rows import ALPHA2, F0, F90, FACE_NORMAL, MATT, NORMAL
 
 _FLOATS = NDArray[np.float32]
 _ONE, _TWO = np.uint64(1), np.uint64(2)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from render.moving.shadow_rays import LOOSE
 from render.rays.embree import PACKET
-from render.rays.first_hits import FIELDS, KIND, LANES, NORMAL, NOTHING, POSITION, SIDE
+from render.rays.surface_rows import FIELDS, KIND, LANES, NORMAL, NOTHING, POSITION, SIDE
 
 _FLOATS = NDArray[np.float32]
 _BYTES = NDArray[np.uint8]

@@ -14,7 +14,7 @@ from render.moving.light_weights import weigh_dull
 from render.moving.neighbours import find_turns, low
 from render.moving.shadow_rays import ALL_PASSES, LOOSE
 from render.rays.embree import PACKET
-from render.rays.first_hits import (
+from render.rays.surface_rows import (
     FACE_NORMAL,
     FIELDS,
     GROUND,

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from render.moving.shadow_rays import ALL_PASSES, POINTS
 from render.rays.embree import PACKET, occluded16
-from render.rays.first_hits import FACE_NORMAL, POSITION
+from render.rays.surface_rows import FACE_NORMAL, POSITION
 
 _FLOATS = NDArray[np.float32]
 _BYTES = NDArray[np.uint8]

@@ -23,7 +23,8 @@ from render.lights.map_pyramid import MapPyramid, mean_over
 from render.lights.narrow_lights import PEAK_RAD, narrow_lights
 from render.moving.shared_rays import Discs
 from render.rays.embree import PACKET, coherent16, occluded16_address, packet
-from render.rays.first_hits import (
+from render.rays.lobe import lobe_points, lobe_rays
+from render.rays.surface_rows import (
     ALPHA2,
     F0,
     F90,
@@ -35,7 +36,6 @@ from render.rays.first_hits import (
     NORMAL,
     SIDE,
 )
-from render.rays.lobe import lobe_points, lobe_rays
 from render.rays.traced_scene import TracedScene
 
 _FLOATS = NDArray[np.float32]

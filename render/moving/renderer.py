@@ -24,7 +24,7 @@ from render.moving.shared_rays import DEFAULT_EFFORT, Discs, Effort, SharedRays
 from render.moving.surroundings import mark_surfaces, show_map
 from render.owner import Owner
 from render.rays.background import with_ground
-from render.rays.first_hits import empty_surfaces
+from render.rays.surface_rows import empty_surfaces
 from render.rays.traced_scene import TracedScene
 from render.scenes.scene import Camera, Scene
 

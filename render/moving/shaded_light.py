@@ -26,7 +26,7 @@ from render.moving.neighbours import (
 from render.moving.own_rays import ask_for_unknown
 from render.moving.shadow_rays import ALL_PASSES, LOOSE, UNKNOWN
 from render.rays.embree import PACKET, packet
-from render.rays.first_hits import FIELDS, GLOSSY, KIND, LANES, MATT, NORMAL, NOTHING, SIDE
+from render.rays.surface_rows import FIELDS, GLOSSY, KIND, LANES, MATT, NORMAL, NOTHING, SIDE
 
 _FLOATS = NDArray[np.float32]
 _BYTES = NDArray[np.uint8]

@@ -14,7 +14,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from render.rays.embree import PACKET, coherent16, occluded16, packet
-from render.rays.first_hits import (
+from render.rays.surface_rows import (
     FACE_NORMAL,
     FIELDS,
     KIND,

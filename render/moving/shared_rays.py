@@ -35,7 +35,7 @@ from render.moving.shadow_rays import (
 from render.moving.softening import soften
 from render.rays.disc_net import disc_net
 from render.rays.embree import occluded16_address
-from render.rays.first_hits import LANES
+from render.rays.surface_rows import LANES
 from render.rays.traced_scene import TracedScene
 
 Array = NDArray[np.float64]

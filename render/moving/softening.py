@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from render.moving.neighbours import compare, load_packet
 from render.moving.shadow_rays import LOOSE, UNKNOWN
 from render.rays.embree import PACKET
-from render.rays.first_hits import FIELDS, LANES, SIDE
+from render.rays.surface_rows import FIELDS, LANES, SIDE
 
 _FLOATS = NDArray[np.float32]
 _BYTES = NDArray[np.uint8]

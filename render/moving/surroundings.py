@@ -12,7 +12,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from render.rays.background import bilinear
-from render.rays.first_hits import GROUND, KIND, NOTHING, POSITION, SIDE
+from render.rays.surface_rows import GROUND, KIND, NOTHING, POSITION, SIDE
 
 _FLOATS = NDArray[np.float32]
 

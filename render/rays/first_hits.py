@@ -1,69 +1,39 @@
 """What is seen through each pixel, found with rays: a G-buffer that needs no OpenGL.
 
 Input  : triangles with their materials, a ground, a camera.
-Output : `Surfaces`, ordered for loops that treat 16 pixels at a time.
+Output : surfaces, laid out as in surface_rows.py.
 Cost   : about 7 ms at 640×480 on two cores; nothing is kept from picture to picture.
 Fails  : one ray a sample: a triangle narrower than a pixel is seen or missed as a whole.
-
-Pixels come in tiles of 4 × 4. A pixel's place in its tile is its lane, 4 row + column, and the
-pixels of one lane in a row of tiles lie side by side: a loop over them runs over neighbours of
-neighbours, which do alike. A border of one empty tile saves the loops their borders.
 """
-
-import math
 
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
 from render.rays.embree import coherent16, hit_packet
-from render.scenes.texture_pyramid import texture_colour
+from render.rays.surface_rows import (
+    ALPHA2,
+    F0,
+    F90,
+    FACE_NORMAL,
+    FIELDS,
+    GROUND,
+    KIND,
+    LANES,
+    MATT,
+    NORMAL,
+    NOTHING,
+    POSITION,
+    SIDE,
+    TRIANGLE,
+    U,
+    V,
+)
+from render.rays.triangle_look import footprint_of, paint_triangle, place_on_triangle
 
-LANES = 16
-"""Pixels of a tile, and rays of a packet."""
-
-SIDE = 4
-"""Pixels along the side of a tile."""
-
-POSITION, NORMAL, FACE_NORMAL, MATT, F0 = 0, 3, 6, 9, 12
-F90, ALPHA2, KIND = 15, 16, 17
-FIELDS = 18
-"""Rows of a surface: position (3), shading normal (3), face normal (3), ρ/π (3), f0 (3), f90, α²
-and what it is. Where nothing is hit, `POSITION` is the direction of the ray instead."""
-
-TRIANGLE, U, V = 18, 19, 20
-"""Three rows more for those who ask for them: the bits of a triangle's row, −1 off the triangles;
-the shares of its second and third corner."""
-
-NOTHING, GROUND, DULL, GLOSSY = 0.0, 1.0, 2.0, 3.0
-"""Values of `KIND`: nothing was hit, the ground, a Lambertian surface, one that mirrors too."""
-
-_DIELECTRIC_F0 = np.float32(0.04)  # refractive index 1.5, as in glTF
 _FAR_M = np.float32(1e30)
-_TINY = np.float32(1e-30)
-_BY_PI = np.float32(1 / math.pi)
 
 _FLOATS = NDArray[np.float32]
-
-
-def empty_surfaces(size_px: tuple[int, int], fields: int = FIELDS) -> _FLOATS:
-    """Return memory for a picture's surfaces, (rows + 2, LANES, fields, columns + 2) of tiles.
-
-    Columns are a multiple of 16, so a picture may reach over its right and lower edge.
-    """
-    width, height = size_px
-    columns = LANES * math.ceil(width / (SIDE * LANES))
-    rows = SIDE * math.ceil(height / SIDE**2)
-    return np.zeros((rows + 2, LANES, fields, columns + 2), np.float32)
-
-
-def in_picture(surfaces: _FLOATS, size_px: tuple[int, int]) -> _FLOATS:
-    """Return the surfaces as a picture, (H, W, FIELDS)."""
-    width, height = size_px
-    inside = surfaces[1:-1, ..., 1:-1]
-    rows, _, fields, columns = inside.shape
-    lanes = inside.reshape(rows, SIDE, SIDE, fields, columns).transpose(0, 1, 4, 2, 3)
-    return lanes.reshape(SIDE * rows, SIDE * columns, fields)[:height, :width]
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model="numpy")
@@ -140,13 +110,13 @@ def _find_row(
                 continue
             mesh = mesh_of_face[face_of[lane]]
             u, v = rays[15, lane], rays[16, lane]
-            _place(face_of[lane], u, v, view, positions, attributes, faces, lane, seen)
+            place_on_triangle(face_of[lane], u, v, view, positions, attributes, faces, lane, seen)
             footprint = np.float32(0)
             if textures[mesh, 0, 3] > 0 or textures[mesh, 1, 3] > 0:
-                footprint = _footprint(
+                footprint = footprint_of(
                     face_of[lane], rays[8, lane], view, positions, attributes, faces, lane, seen
                 )
-            _paint(
+            paint_triangle(
                 face_of[lane], u, v, attributes, faces, factors, textures, texels, mesh, footprint,
                 lane, seen,
             )  # fmt: skip
@@ -237,136 +207,3 @@ def _select(
         valid[lane] = -np.int32(ahead | (excess <= 0))
         some |= valid[lane]
     return some != 0
-
-
-@njit(nogil=True, error_model="numpy")
-def _place(
-    face: int,
-    u: np.float32,
-    v: np.float32,
-    view: _FLOATS,
-    positions: _FLOATS,
-    attributes: _FLOATS,
-    faces: NDArray[np.int32],
-    lane: int,
-    seen: _FLOATS,
-) -> None:  # pragma: no cover - compiled
-    """Set position and normals of `lane` to those of a triangle at barycentric coordinates."""
-    a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-    w = np.float32(1) - u - v
-    for axis in range(3):
-        seen[POSITION + axis, lane] = (
-            w * positions[a, axis] + u * positions[b, axis] + v * positions[c, axis]
-        )
-        seen[NORMAL + axis, lane] = (
-            w * attributes[a, axis] + u * attributes[b, axis] + v * attributes[c, axis]
-        )
-    ex = positions[b, 0] - positions[a, 0]
-    ey = positions[b, 1] - positions[a, 1]
-    ez = positions[b, 2] - positions[a, 2]
-    gx = positions[c, 0] - positions[a, 0]
-    gy = positions[c, 1] - positions[a, 1]
-    gz = positions[c, 2] - positions[a, 2]
-    fx, fy, fz = ey * gz - ez * gy, ez * gx - ex * gz, ex * gy - ey * gx
-    # Both normals look to the viewer's side, as gbuffer.frag has them.
-    toward = (
-        fx * (view[0, 0] - seen[POSITION, lane])
-        + fy * (view[0, 1] - seen[POSITION + 1, lane])
-        + fz * (view[0, 2] - seen[POSITION + 2, lane])
-    )
-    length = math.sqrt(fx * fx + fy * fy + fz * fz)
-    scale = (np.float32(1) if toward >= 0 else np.float32(-1)) / (length + _TINY)
-    fx, fy, fz = fx * scale, fy * scale, fz * scale
-    nx, ny, nz = seen[NORMAL, lane], seen[NORMAL + 1, lane], seen[NORMAL + 2, lane]
-    length = math.sqrt(nx * nx + ny * ny + nz * nz)
-    if length > _TINY:
-        agrees = nx * fx + ny * fy + nz * fz >= 0
-        scale = (np.float32(1) if agrees else np.float32(-1)) / length
-        nx, ny, nz = nx * scale, ny * scale, nz * scale
-    else:
-        nx, ny, nz = fx, fy, fz
-    seen[NORMAL, lane], seen[NORMAL + 1, lane], seen[NORMAL + 2, lane] = nx, ny, nz
-    seen[FACE_NORMAL, lane] = fx
-    seen[FACE_NORMAL + 1, lane] = fy
-    seen[FACE_NORMAL + 2, lane] = fz
-
-
-@njit(nogil=True, error_model="numpy")
-def _footprint(
-    face: int,
-    distance: np.float32,
-    view: _FLOATS,
-    positions: _FLOATS,
-    attributes: _FLOATS,
-    faces: NDArray[np.int32],
-    lane: int,
-    seen: _FLOATS,
-) -> np.float32:  # pragma: no cover - compiled
-    """Return how much of a texture, as a length, the longer side of a pixel covers."""
-    a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-    ex, ey, ez = (
-        positions[b, 0] - positions[a, 0],
-        positions[b, 1] - positions[a, 1],
-        positions[b, 2] - positions[a, 2],
-    )
-    gx, gy, gz = (
-        positions[c, 0] - positions[a, 0],
-        positions[c, 1] - positions[a, 1],
-        positions[c, 2] - positions[a, 2],
-    )
-    area2 = (ey * gz - ez * gy) ** 2 + (ez * gx - ex * gz) ** 2 + (ex * gy - ey * gx) ** 2
-    covered = abs(
-        (attributes[b, 3] - attributes[a, 3]) * (attributes[c, 4] - attributes[a, 4])
-        - (attributes[b, 4] - attributes[a, 4]) * (attributes[c, 3] - attributes[a, 3])
-    )
-    density = math.sqrt(covered / max(math.sqrt(area2), _TINY))
-    vx = view[0, 0] - seen[POSITION, lane]
-    vy = view[0, 1] - seen[POSITION + 1, lane]
-    vz = view[0, 2] - seen[POSITION + 2, lane]
-    facing = vx * seen[FACE_NORMAL, lane] + vy * seen[FACE_NORMAL + 1, lane]
-    facing = (facing + vz * seen[FACE_NORMAL + 2, lane]) / math.sqrt(vx * vx + vy * vy + vz * vz)
-    step = math.sqrt(view[1, 0] ** 2 + view[1, 1] ** 2 + view[1, 2] ** 2)
-    return np.float32(density * distance * step / max(facing, np.float32(0.01)))
-
-
-@njit(nogil=True, error_model="numpy")
-def _paint(
-    face: int,
-    u: np.float32,
-    v: np.float32,
-    attributes: _FLOATS,
-    faces: NDArray[np.int32],
-    factors: _FLOATS,
-    textures: NDArray[np.int64],
-    texels: _FLOATS,
-    mesh: int,
-    footprint: np.float32,
-    lane: int,
-    seen: _FLOATS,
-) -> None:  # pragma: no cover - compiled
-    """Set how `lane` reflects to the material of a triangle at barycentric coordinates."""
-    a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-    w = np.float32(1) - u - v
-    rough, metal, specular = factors[mesh, 3], factors[mesh, 4], factors[mesh, 5]
-    for i in range(3):
-        tint = w * attributes[a, 5 + i] + u * attributes[b, 5 + i] + v * attributes[c, 5 + i]
-        seen[F0 + i, lane] = factors[mesh, i] * tint
-    s = w * attributes[a, 3] + u * attributes[b, 3] + v * attributes[c, 3]
-    t = w * attributes[a, 4] + u * attributes[b, 4] + v * attributes[c, 4]
-    if textures[mesh, 0, 3] > 0:
-        red, green, blue = texture_colour(textures[mesh, 0], texels, s, t, footprint)
-        seen[F0, lane] *= red
-        seen[F0 + 1, lane] *= green
-        seen[F0 + 2, lane] *= blue
-    if textures[mesh, 1, 3] > 0:
-        of_rough, of_metal, _ = texture_colour(textures[mesh, 1], texels, s, t, footprint)
-        rough, metal = rough * np.float32(of_rough), metal * np.float32(of_metal)
-    plain = (np.float32(1) - metal) * _DIELECTRIC_F0 * specular
-    matt = (np.float32(1) - metal) * _BY_PI
-    for i in range(3):
-        base = seen[F0 + i, lane]
-        seen[MATT + i, lane] = matt * base
-        seen[F0 + i, lane] = plain + metal * base
-    seen[F90, lane] = (np.float32(1) - metal) * specular + metal
-    seen[ALPHA2, lane] = rough**4
-    seen[KIND, lane] = GLOSSY if seen[F90, lane] > 0 else DULL

@@ -14,7 +14,7 @@ from render.baked.roaming import RoamingRenderer
 from render.baked.surface_points import add_irradiance, surface_points
 from render.moving.renderer import MovingRenderer
 from render.moving.shared_rays import Effort
-from render.rays.first_hits import (
+from render.rays.surface_rows import (
     FIELDS,
     KIND,
     MATT,
