@@ -4,7 +4,7 @@ from importlib.resources import files
 
 import pytest
 
-from tests.render.test_live_page import browser  # noqa: F401 - a fixture
+from tests.render.live_browser import chromium
 
 pytestmark = pytest.mark.slow
 
@@ -41,7 +41,13 @@ setTimeout(() => {
 """
 
 
-def test_moments_are_shown_in_the_order_in_which_they_came(browser):  # noqa: F811
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as launched:
+        yield launched
+
+
+def test_moments_are_shown_in_the_order_in_which_they_came(browser):
     connection = (files("render.viewer") / "connection.js").read_text(encoding="utf-8")
     page = browser.new_page()
     script = PLAYED + connection.replace("export class", "class") + PLAY

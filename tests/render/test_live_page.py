@@ -4,61 +4,38 @@ Skips where there is no Chromium (`make browser` installs it); FISHLIGHT_REQUIRE
 instead. Screenshots are kept where FISHLIGHT_SCREENSHOTS says.
 """
 
-import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
-import time
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
-from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
-from calibration.files import read_calibration
-from capture.errors import CameraLost
-from capture.frame import Bracket
-from capture.live_source import LiveSource
-from capture.v4l2.camera import CameraRequest
-from render.live.access import Access
-from render.live.desk import Desk, State
-from render.live.models import load_models
-from render.live.picture import LivePicture
-from render.live.server import LiveServer
-from render.live.session import LiveSession
-from render.live.settings import Settings
-from tests.capture.fake_camera import FakePort, scene
+from tests.render.live_browser import (
+    IN_FLIGHT,
+    chromium,
+    keep,
+    number,
+    opened,
+    pixels,
+    settings_of,
+    wait_until,
+    within_frames,
+)
 from tests.render.live_recording import make_recording
 
 pytestmark = pytest.mark.slow
 
 LIVE = [sys.executable, "-c", "from render.main import main; main()", "live"]
-IN_FLIGHT = 2
 WIDTHS = [(1440, 900), (1024, 768), (390, 844)]
 PANELS = ["#picture-panel", "#map-panel", "#camera-panel", ".strip", "#controls"]
 NAMED = "[...document.querySelectorAll('button, input, select, [tabindex]')].filter(e => !({name}))"
 
 
-def chromium_path():
-    found = shutil.which("chromium") or shutil.which("chromium-browser")
-    if found is None and os.environ.get("FISHLIGHT_REQUIRE_BROWSER"):
-        pytest.fail("no Chromium, and FISHLIGHT_REQUIRE_BROWSER is set; run make browser")
-    if found is None:
-        pytest.skip("no Chromium; run make browser")
-    return found
-
-
 @pytest.fixture(scope="module")
 def browser():
-    path = chromium_path()
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    with playwright.sync_playwright() as driver:
-        launched = driver.chromium.launch(executable_path=path, args=["--no-sandbox"])
+    with chromium() as launched:
         yield launched
-        launched.close()
 
 
 @pytest.fixture(scope="module")
@@ -86,79 +63,6 @@ def session(tmp_path_factory):
 @pytest.fixture
 def page(browser, session):
     yield from opened(browser, session[0])
-
-
-def opened(browser, address, size_px=(1440, 900), scheme="dark", has_images=True):
-    context = browser.new_context(
-        viewport={"width": size_px[0], "height": size_px[1]}, color_scheme=scheme
-    )
-    page = context.new_page()
-    trouble = []
-    page.on("console", lambda message: message.type == "error" and trouble.append(message.text))
-    page.on("pageerror", lambda error: trouble.append(str(error)))
-    page.goto(address)
-    if has_images:
-        page.wait_for_selector("#picture-panel.has-image", timeout=20_000)
-    yield page
-    context.close()
-    assert [each for each in trouble if "ERR_CONNECTION" not in each] == []
-
-
-visited = contextmanager(opened)
-
-
-def number(page):
-    return int(page.evaluate("document.body.dataset.number ?? 0"))
-
-
-def settings_of(page):
-    """Return what the session has, from a socket of its own."""
-    return page.evaluate(
-        """() => new Promise((resolve) => {
-          const socket = new WebSocket(`ws://${location.host}/view`);
-          socket.binaryType = "arraybuffer";
-          socket.onmessage = ({ data }) => {
-            const length = new DataView(data).getUint32(0, true);
-            socket.close();
-            resolve(JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length))).settings);
-          };
-        })"""
-    )
-
-
-def wait_until(page, holds, timeout_s=5.0):
-    """Wait for a state of the page; its policy forbids Playwright's own way, which evaluates."""
-    end_s = time.monotonic() + timeout_s
-    while not holds():
-        assert time.monotonic() < end_s, "the page did not get there"
-        page.wait_for_timeout(30)
-
-
-def wait_for_text(page, selector, text, timeout_s=5.0):
-    wait_until(page, lambda: page.locator(selector).inner_text() == text, timeout_s)
-
-
-def within_frames(page, holds, frames=3):
-    """Assert that something is seen in so many moments after those that were under way."""
-
-    def shown():
-        return int(page.evaluate("document.body.dataset.shown"))
-
-    first = shown()
-    wait_until(page, holds)
-    assert shown() - first <= frames + IN_FLIGHT
-
-
-def pixels(page, name):
-    """Return a canvas as a data address, which tells pictures apart."""
-    return page.evaluate(f"document.getElementById('{name}').toDataURL()")
-
-
-def keep(page, name):
-    folder = os.environ.get("FISHLIGHT_SCREENSHOTS")
-    if folder:
-        Path(folder).mkdir(parents=True, exist_ok=True)
-        page.screenshot(path=Path(folder) / f"{name}.png", full_page=True)
 
 
 def test_frames_arrive_and_change_and_the_token_leaves_the_address(page):
@@ -339,143 +243,3 @@ def test_the_page_can_be_turned_light_and_stays_so(page):
     assert page.evaluate("document.documentElement.dataset.theme") == "light"
     page.reload()
     assert page.evaluate("document.documentElement.dataset.theme") == "light"
-
-
-@pytest.mark.parametrize(
-    ("state", "told"),
-    [
-        ("starting", "starting"),
-        ("away", "camera away"),
-        ("no-camera", "no camera"),
-        ("calibration", "no calibration"),
-        ("clipped", "all clipped"),
-        ("dark", "no light"),
-        ("ended", "ended"),
-    ],
-)
-def test_every_trouble_has_its_state_and_passes(browser, state, told):
-    desk = Desk(Settings(), load_models(()))
-    with LiveServer(desk, Access()) as server:
-        desk.publish(State("running"), None, 0.0, {})
-        for page in opened(browser, server.address, has_images=False):
-            desk.publish(State(state, "What happened, and what to do."), None, 3.0, {})
-            wait_for_text(page, "#chip-text", told)
-            assert page.locator("#banner").inner_text() == "What happened, and what to do."
-            keep(page, f"state-{state}")
-            desk.publish(State("running"), None, 0.0, {})
-            wait_for_text(page, "#chip-text", "live")
-            assert page.locator("#banner").is_hidden()
-
-
-def test_a_session_that_ended_is_told_and_not_as_a_lost_connection(browser):
-    desk = Desk(Settings(), load_models(()))
-    with LiveServer(desk, Access()) as server:
-        desk.publish(State("running"), None, 0.0, {})
-        pages = opened(browser, server.address, has_images=False)
-        page = next(pages)
-        wait_for_text(page, "#chip-text", "live")
-        desk.publish(State("ended", "The session has ended."), None, 0.0, {})
-    page.wait_for_timeout(1500)
-    assert page.locator("#chip-text").inner_text() == "ended"
-    assert next(pages, None) is None
-
-
-def test_a_session_that_is_gone_is_told_and_found_again_when_it_is_back(browser):
-    access, desk = Access(), Desk(Settings(), load_models(()))
-    desk.publish(State("running"), None, 0.0, {})
-    with LiveServer(desk, access) as server:
-        port = int(server.address.partition("/?")[0].rpartition(":")[2])
-        pages = opened(browser, server.address, has_images=False)
-        page = next(pages)
-        wait_for_text(page, "#chip-text", "live")
-    wait_for_text(page, "#chip-text", "no connection")
-    with LiveServer(desk, access, port):
-        wait_for_text(page, "#chip-text", "live", 15.0)
-        assert next(pages, None) is None
-
-
-class InOurTime:
-    """A live source whose brackets come at a pace, with the moments at which they come."""
-
-    def __init__(self, source):
-        self.name, self.size_px, self.sensor = source.name, source.size_px, source.sensor
-        self._source = source
-
-    @property
-    def reopened_count(self):
-        return self._source.reopened_count
-
-    def __iter__(self):
-        for item in self._source:
-            time.sleep(0.05)
-            if isinstance(item, Bracket):
-                frames = (replace(each, timestamp_s=time.monotonic()) for each in item.frames)
-                item = Bracket(tuple(frames), item.index)
-            yield item
-
-
-def test_an_unplugged_camera_is_told_and_the_page_goes_on_when_it_is_back(browser, tmp_path):
-    port = FakePort(scene(48, 64))
-    desk = Desk(Settings(count=9), load_models(()))
-    calibration = read_calibration(make_recording(tmp_path / "r").calibration_path)
-    request = CameraRequest("fake")
-    with (
-        LiveSource(request, exposures_s=(0.01, 0.001), open_camera=port.open) as source,
-        LivePicture(desk.models, (64, 48)) as picture,
-        LiveServer(desk, Access()) as server,
-        ThreadPoolExecutor(1) as thread,
-    ):
-        ours = InOurTime(source)
-        session = LiveSession(desk, ours, calibration, 32, picture, lambda *_: None)
-        running = thread.submit(session.run)
-        with visited(browser, server.address) as page:
-            wait_for_text(page, "#chip-text", "live")
-            port.faults = {port.brackets + 2: CameraLost("/dev/video9: unplugged")}
-            wait_for_text(page, "#chip-text", "camera away")
-            assert "unplugged" in page.locator("#banner").inner_text()
-            assert page.locator(".panels.stale").count() == 1
-            wait_until(page, lambda: page.locator("#latency").inner_text().endswith("s old"))
-            assert page.locator("#picture-panel.has-image").count() == 1, "what was seen stays"
-            keep(page, "unplugged")
-            wait_for_text(page, "#chip-text", "live", 10.0)
-            assert page.locator("#banner").is_hidden()
-            assert page.locator(".panels.stale").count() == 0
-            assert "reopened\n1" in page.locator("#counters").inner_text()
-            first = number(page)
-            wait_until(page, lambda: number(page) > first + 2)
-        source.stop()
-        counters = running.result(20)
-    assert counters.failed >= 2
-    assert counters.captured == counters.replaced + counters.rendered + counters.failed
-
-
-def test_a_blend_shows_its_sources_and_moves_the_scene_among_them(browser):
-    desk = Desk(Settings(), load_models(()))
-
-    def blended(share, state="running"):
-        sources = [
-            {"name": "left", "place_m": [-1, 0, 0], "weight": share, "state": state, "age_s": 3.0},
-            {"name": "right", "place_m": [1, 0, 0], "weight": 1 - share, "state": "running",
-             "age_s": 0.1},
-        ]  # fmt: skip
-        desk.publish(State("running"), None, 0.0, {"sources": sources})
-
-    with LiveServer(desk, Access()) as server:
-        desk.publish(State("running"), None, 0.0, {})
-        with visited(browser, server.address, has_images=False) as page:
-            wait_for_text(page, "#chip-text", "live")
-            assert page.locator("#blend").is_hidden()
-            blended(0.75)
-            wait_until(page, lambda: "75 %" in page.locator("#sources").inner_text())
-            assert "live · at -1, 0, 0 m" in page.locator("#sources").inner_text()
-            page.locator("#x_m").fill("0.5")
-            wait_until(page, lambda: desk.settings.x_m == 0.5)
-            blended(0.0, "away")
-            wait_until(
-                page, lambda: "camera away, 3.0 s old" in page.locator("#sources").inner_text()
-            )
-            assert (
-                page.locator("#sources meter").nth(1).get_attribute("aria-label")
-                == "Share of right"
-            )
-            keep(page, "blend")
