@@ -10,6 +10,8 @@ Of a disc of radius a at the angle acos μ from a normal, what it gives wholly a
 horizon does not cut the disc, and rounded between −sin a and sin a where it does.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +19,36 @@ Array = NDArray[np.float64]
 
 _SMALLEST_RADIUS_RAD = 1e-4
 _TINY = 1e-300
+
+
+@dataclass(frozen=True, eq=False)
+class Discs:
+    """Lights as they are drawn.
+
+    Attributes
+    ----------
+    directions, irradiance, radius_rad : (K, 3), (K, 3), (K,) float64
+        As `reaching_lights` returns them.
+    mirrored : (K, 3) float64
+        The irradiance that mirrors show of each.
+    """
+
+    directions: Array
+    irradiance: Array
+    radius_rad: Array
+    mirrored: Array
+
+    def __len__(self) -> int:
+        return len(self.directions)
+
+    def taken(self, which: NDArray[np.integer] | NDArray[np.bool_] | slice) -> "Discs":
+        """Return some of them, or all in another order."""
+        return Discs(
+            self.directions[which],
+            self.irradiance[which],
+            self.radius_rad[which],
+            self.mirrored[which],
+        )
 
 
 def moment_above(directions: Array, angular_radius_rad: Array) -> Array:

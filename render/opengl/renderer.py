@@ -19,10 +19,13 @@ from numpy.typing import NDArray
 from capture.errors import InputError
 from lighting.light_set import LightSet
 from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
+from render.lights.discs import Discs, irradiance_curves
 from render.lights.dome import dome_lights
+from render.lights.peaks import without_peaks
 from render.lights.reaching_lights import reaching_lights
 from render.opengl.context import load_program, release, set_uniforms
 from render.opengl.gbuffer import GBuffer
+from render.opengl.reflected_map import ROUGH_ALPHA, ReflectedMap
 from render.opengl.shading import LightPass
 from render.opengl.shadows import ATLAS_SIDE_PX, ShadowAtlas, texel_width
 from render.owner import Owner
@@ -122,6 +125,7 @@ class Renderer(Owner):
         self._shared = (
             LightPass(context, self._gbuffer, camera.eye, interleaving) if is_shared else self._full
         )
+        self._reflected_map = ReflectedMap(context, self._gbuffer, camera.eye)
         self._environment = context.texture((1, 1), 3, bytes(12), dtype="f4")
         set_uniforms(self._background_program, position_hit=0, environment=1)
         self._aim_background()
@@ -136,6 +140,7 @@ class Renderer(Owner):
         self._gbuffer.draw(camera)
         for light_pass in {self._full, self._shared}:
             light_pass.look_from(camera.eye)
+        self._reflected_map.look_from(camera.eye)
         self._aim_background()
 
     def render(
@@ -148,7 +153,8 @@ class Renderer(Owner):
         lights : LightSet
             Without lights and fill the scene is black.
         background : EnvironmentMap, optional
-            Seen where there is nothing else; black without it.
+            Seen where there is nothing else, and mirrored by smooth surfaces. Without it what is
+            behind the scene is black, and they mirror the lights.
 
         Returns
         -------
@@ -181,25 +187,33 @@ class Renderer(Owner):
         """
         with timed("background"):
             self._draw_background(background)
-        directions, irradiance, radius_rad = reaching_lights(lights, self._scene)
-        is_key = np.zeros(len(directions), bool)
-        is_key[np.argsort(-(irradiance @ LUMINANCE_WEIGHTS), kind="stable")[:KEY_LIGHTS]] = True
+        discs, dome_count = self._discs(lights)
+        rough_alpha = 0.0
+        if background is not None:
+            rest, discs = without_peaks(background, discs)
+            with timed("reflections"):
+                self._reflected_map.add(self.framebuffer, rest, self._unshaded(discs))
+            rough_alpha = ROUGH_ALPHA
+        reaching, dome = discs.taken(slice(dome_count, None)), discs.taken(slice(dome_count))
+        power = reaching.irradiance @ LUMINANCE_WEIGHTS
+        is_key = np.zeros(len(reaching), bool)
+        is_key[np.argsort(-power, kind="stable")[:KEY_LIGHTS]] = True
         sets = [
             (self._full, self._key_atlas, is_key),
             (self._shared, self._atlas, ~is_key),
         ]
         maps = 0
         for light_pass, atlas, part in sets:
-            parts = directions[part], irradiance[part], radius_rad[part]
             left = None if most_maps is None else max(most_maps - maps, 0)
-            maps += self._add_lights(light_pass, atlas, parts, left, timed)
-        if lights.fill.any():
-            dome = dome_lights(lights.fill, upper_only=self._scene.ground is not None)
+            maps += self._add_lights(
+                light_pass, atlas, reaching.taken(part), rough_alpha, left, timed
+            )
+        if len(dome) > 0:
             # An atlas of its own: lights that come and go would displace the dome's maps.
             self._dome_atlas = self._dome_atlas or ShadowAtlas(
                 self._context, self._casters, DOME_ATLAS_SIDE_PX, LARGEST_MAP_PX
             )
-            maps += self._add_lights(self._shared, self._dome_atlas, dome, None, timed)
+            maps += self._add_lights(self._shared, self._dome_atlas, dome, rough_alpha, None, timed)
         return maps
 
     def as_picture(self, samples: bytes) -> NDArray[np.float32]:
@@ -213,6 +227,7 @@ class Renderer(Owner):
     def release(self) -> None:
         """Free the GL objects; the context stays."""
         self._gbuffer.release()
+        self._reflected_map.release()
         for light_pass in {self._full, self._shared}:
             light_pass.release()
         for atlas in (self._key_atlas, self._atlas, self._dome_atlas):
@@ -226,6 +241,25 @@ class Renderer(Owner):
             self._background_program,
             self._environment,
         )
+
+    def _discs(self, lights: LightSet) -> tuple[Discs, int]:
+        """Return a fill's dome and the lights that reach the scene; how many are the dome's."""
+        dome = []
+        if lights.fill.any():
+            dome = [dome_lights(lights.fill, upper_only=self._scene.ground is not None)]
+        parts = zip(*dome, reaching_lights(lights, self._scene), strict=True)
+        directions, irradiance, radius_rad = (np.concatenate(each) for each in parts)
+        count = len(dome[0][0]) if dome else 0
+        return Discs(directions, irradiance, radius_rad, irradiance), count
+
+    def _unshaded(self, lights: Discs) -> Array | None:
+        """Return the radiance (3,) of the ground where nothing shades it; None without a ground."""
+        ground = self._scene.ground
+        if ground is None:
+            return None
+        received = 2 * irradiance_curves(lights.radius_rad)[:, 0] * lights.directions[:, 1]
+        radiance: Array = received @ lights.irradiance * ground.reflectance / np.pi
+        return radiance
 
     def _aim_background(self) -> None:
         across, up = self._camera.half_extent()
@@ -252,21 +286,20 @@ class Renderer(Owner):
         self,
         light_pass: LightPass,
         atlas: ShadowAtlas,
-        lights: tuple[Array, Array, Array],
+        lights: Discs,
+        rough_alpha: float,
         most_maps: int | None,
         timed: Timed,
     ) -> int:
         maps = 0
-        if len(lights[0]) > atlas.capacity:
+        if len(lights) > atlas.capacity:
             most_maps = None  # what is there is no older map of a light, but another light's
-        for first in range(0, len(lights[0]), atlas.capacity):
-            directions, irradiance, radius_rad = (
-                each[first : first + atlas.capacity] for each in lights
-            )
+        for first in range(0, len(lights), atlas.capacity):
+            part = lights.taken(slice(first, first + atlas.capacity))
             with timed("shadow maps"):
-                maps += atlas.draw(directions, irradiance @ LUMINANCE_WEIGHTS, most_maps)
+                maps += atlas.draw(part.directions, part.irradiance @ LUMINANCE_WEIGHTS, most_maps)
             with timed("lights"):
-                light_pass.add(self.framebuffer, atlas, directions, irradiance, radius_rad)
+                light_pass.add(self.framebuffer, atlas, part, rough_alpha)
         return maps
 
 

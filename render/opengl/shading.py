@@ -14,7 +14,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from render.lights.discs import irradiance_curves
+from render.lights.discs import Discs, irradiance_curves
 from render.opengl.context import load_program, release, set_uniforms
 from render.opengl.gbuffer import GBuffer
 from render.opengl.shadows import ShadowAtlas, texel_width
@@ -22,7 +22,7 @@ from render.opengl.shadows import ShadowAtlas, texel_width
 Array = NDArray[np.float64]
 
 _TAPS, _TAPS_OF_TURNS = 32, 16
-_LIGHT_BYTES = 7 * 16
+_LIGHT_BYTES = 8 * 16
 
 
 class LightPass:
@@ -84,21 +84,21 @@ class LightPass:
         self,
         target: moderngl.Framebuffer,
         atlas: ShadowAtlas,
-        directions: Array,
-        irradiance: Array,
-        radius_rad: Array,
+        lights: Discs,
+        rough_alpha: float,
     ) -> None:
-        """Add up to the atlas' capacity of lights, whose maps are drawn, to `target`."""
+        """Add up to the atlas' capacity of lights, whose maps are drawn, to `target`.
+
+        Surfaces smoother than `rough_alpha` mirror what is `mirrored` of a light.
+        """
         set_uniforms(
             self._see_program,
             texel_m=texel_width(atlas.radius_m, atlas.tile_px),
             tile_px=float(atlas.tile_px),
             error_m=atlas.error_m,
         )
-        count = len(directions)
-        packed = pack_lights(
-            atlas.rows(count), directions, irradiance, radius_rad, atlas.tiles(count)
-        )
+        set_uniforms(self._shade_program, rough_alpha2=rough_alpha**2)
+        packed = pack_lights(lights, atlas.rows(len(lights)), atlas.tiles(len(lights)))
         for unit, (_, texture) in enumerate(self._textures):
             texture.use(unit)
         atlas.texture.use(len(self._textures))
@@ -159,23 +159,22 @@ class _Neighbours:
         release(self._context, self._framebuffer, self.same, self._screen, self._program)
 
 
-def pack_lights(
-    rows: Array, directions: Array, irradiance: Array, radius_rad: Array, tiles: Array
-) -> NDArray[np.float32]:
-    """Return the lights as lights.glsl's uniform block has them, (K, 7, 4) float32.
+def pack_lights(lights: Discs, rows: Array, tiles: Array) -> NDArray[np.float32]:
+    """Return the lights as lights.glsl's uniform block has them, (K, 8, 4) float32.
 
     A light of angular radius r spreads the directions it comes from by r²/4 per axis, and half
     vectors by a quarter of that. GGX with width α has the core of a distribution of slopes of
     variance α²/2, so the highlight of the whole extent is that of α² + r²/8: the first order of
     a convolution, good while r is small.
     """
-    curves = irradiance_curves(radius_rad)
-    packed: NDArray[Any] = np.zeros((len(rows), 7, 4), np.float32)
+    curves = irradiance_curves(lights.radius_rad)
+    packed: NDArray[Any] = np.zeros((len(rows), 8, 4), np.float32)
     packed[:, :3] = rows
-    packed[:, 3, :3] = directions
-    packed[:, 3, 3] = radius_rad**2 / 8
-    packed[:, 4, :3] = irradiance
+    packed[:, 3, :3] = lights.directions
+    packed[:, 3, 3] = lights.radius_rad**2 / 8
+    packed[:, 4, :3] = lights.irradiance
     packed[:, 4, 3] = curves[:, 0]
-    packed[:, 5, :3] = tiles
-    packed[:, 6] = curves[:, 1:]
+    packed[:, 5, :3] = lights.mirrored
+    packed[:, 6, :3] = tiles
+    packed[:, 7] = curves[:, 1:]
     return packed

@@ -7,6 +7,7 @@ struct Light {
     vec4 row_depth;   // → depth, 0 … 1
     vec4 direction;   // toward the light; w widens α², for the light's angular radius
     vec4 irradiance;  // ∫L dω; w is `half` of the light's irradiance curve
+    vec4 mirrored;    // ∫L dω that a surface shows of it which mirrors the map
     vec4 tile;        // origin of the tile in the atlas (xy), the tile's width in the atlas (z)
     vec4 disc;        // s, −1/s², p and q of the curve
 };

@@ -7,7 +7,10 @@
 // each pixel has looked at the lights of its turn. For all others it takes V from the pixels around
 // that have theirs and show the same surface. Only V is shared; light itself is summed exactly.
 
+// Smooth surfaces mirror of a light only what the map (reflected_map.frag) does not show.
+
 uniform vec3 eye;
+uniform float rough_alpha2;  // surfaces from here on mirror all of it
 uniform sampler2D visible;
 #if SIDE > 1
 uniform usampler2D same_surface;
@@ -55,7 +58,7 @@ vec4 visibility(ivec2 pixel, int turn) {
 }
 #endif
 
-// f (n·l) of a light of unit ∫L dω.
+// L of a light that nothing shadows.
 vec3 reflected(Light light, vec3 n, vec3 v, float alpha, vec3 rho, vec3 reflectance0, float f90) {
     float n_v = max(dot(n, v), 1e-4);
     vec3 l = light.direction.xyz;
@@ -75,8 +78,9 @@ vec3 reflected(Light light, vec3 n, vec3 v, float alpha, vec3 rho, vec3 reflecta
     float c = 1.0 - v_h;
     float c2 = c * c;
     vec3 fresnel = reflectance0 + (f90 - reflectance0) * (c2 * c2 * c);
-    return (1.0 - fresnel) * rho * (received(light, cosine) / PI)
-                   + fresnel * (distribution * masking * n_l);
+    vec3 mirrored = alpha * alpha < rough_alpha2 ? light.mirrored.rgb : light.irradiance.rgb;
+    return (1.0 - fresnel) * rho * (received(light, cosine) / PI) * light.irradiance.rgb
+                   + fresnel * (distribution * masking * n_l) * mirrored;
 }
 
 void main() {
@@ -99,7 +103,7 @@ void main() {
             Light light = lights[k];
             // A disc behind the face cannot reach it, whatever the interpolated normal says.
             if (dot(face.xyz, light.direction.xyz) <= -light.disc.x) continue;
-            sum += share[c] * light.irradiance.rgb
+            sum += share[c]
                  * reflected(light, shading.xyz, v, alpha, rho, reflectance0, face.w);
         }
     }
