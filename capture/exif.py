@@ -40,6 +40,8 @@ class Exif:
         differences hold within one camera, the absolute time does not.
     utc_offset : timedelta or None
         What the camera's clock was ahead of universal time; None if the file does not tell.
+    equivalent_focal_length_mm : float or None
+        Focal length of a lens that sees as much on 35 mm film, whose picture is 36 × 24 mm.
     camera : str
         Maker and model, "" if absent.
     orientation : int
@@ -51,6 +53,7 @@ class Exif:
     f_number: float | None = None
     timestamp_s: float | None = None
     utc_offset: timedelta | None = None
+    equivalent_focal_length_mm: float | None = None
     camera: str = ""
     orientation: int = 1
 
@@ -74,6 +77,7 @@ def read_exif(path: Path) -> Exif:
         f_number=_positive(tags, "FNumber"),
         timestamp_s=timestamp_s,
         utc_offset=utc_offset,
+        equivalent_focal_length_mm=_positive(tags, "FocalLengthIn35mmFilm"),
         camera=_camera(tags),
         orientation=int(orientation) if orientation in range(1, 9) else 1,
     )

@@ -2,6 +2,7 @@
 
 COMMANDS: tuple[tuple[str, str], ...] = (
     ("render.render_cli:render", "render"),
+    ("render.composite_cli:composite_command", "composite"),
     ("render.replay_cli:replay_command", "replay"),
     ("render.batch_cli:batch", "batch"),
     ("render.live_cli:live", "live"),

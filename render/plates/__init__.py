@@ -1,0 +1,1 @@
+"""Photographs that objects are set into: their camera, their ground, and the composite."""
