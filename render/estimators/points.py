@@ -48,8 +48,8 @@ def independent(count: int) -> Points:
 
 @njit(nogil=True, forceinline=True)
 def shift_of(seed: int, k: int, i: int) -> np.uint64:  # pragma: no cover - compiled
-    """Return the shift of surface `i` of packet `k`: 64 random bits."""
-    return mixed(mixed(np.uint64(seed)) ^ np.uint64(k << 8 | i))
+    """Return the shift of place `i` of packet `k`, below 2³² both: 64 random bits."""
+    return mixed(mixed(np.uint64(seed)) ^ np.uint64(k << 32 | i))
 
 
 @njit(nogil=True, forceinline=True)

@@ -17,8 +17,9 @@ from render.estimators.lobes import draw_reflected, mirror_share, reflected_dens
 from render.estimators.map_blocks import add_up_levels, map_blocks, start, warp
 from render.estimators.map_tables import draw_from_map, map_tables
 from render.estimators.multiple_importance import BALANCE, POWER, allocation, weight
-from render.estimators.points import hammersley, net
+from render.estimators.points import hammersley, net, shift_of
 from render.estimators.shading import CARRIED, FIELDS, TOWARD, reflect
+from render.rays.embree import PACKET
 from render.reference.surfaces import NORMAL, TO_EYE
 from tests.chi2 import chi_square_p_value
 from tests.render import estimator_scene
@@ -254,3 +255,8 @@ def test_a_response_is_positive_wherever_a_block_can_light():
         assert np.all(out[:15][reaches[:15]] > 0)
         assert np.all(out[:15][surface[NORMAL : NORMAL + 3, :15].T @ middle < -radius] == 0)
         assert out[15] == 0
+
+
+def test_each_of_many_points_of_a_surface_has_a_shift_of_its_own():
+    shifts = {shift_of(0, 31, i) for i in range(64 * PACKET)}
+    assert len(shifts) == 64 * PACKET
