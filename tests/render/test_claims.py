@@ -35,8 +35,8 @@ def test_verdicts():
 def test_what_was_found_is_the_range_of_what_decides():
     claim = Claim("it", "so", "1999", "a test", lambda _maps: [], "ratio")
     told = [Finding("a", {"ratio": value}, True) for value in (0.5, 4.0, 1.0)]
-    told += [Finding("aside", {"ratio": 9.0}, None), Finding("all", {"largest": 9.0}, True)]
-    assert found(claim, told) == "ratio 0.5 to 4, median 1"
+    told += [Finding("open", {"ratio": 2.0}, None), Finding("all", {"largest": 9.0}, True)]
+    assert found(claim, told) == "ratio 0.5 to 4, median 1.5"
     assert (over(1.0, 2.0), over(0.0, 0.0), over(1.0, 0.0)) == (0.5, 1.0, math.inf)
 
 
