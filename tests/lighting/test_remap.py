@@ -105,8 +105,7 @@ def from_each_cell(remap: Remap, per_pixel: NDArray[np.generic]) -> NDArray[np.f
     return np.bincount(cell, values, minlength=remap.coverage.size)
 
 
-LARGE = 512
-"""Pixels across: cells of 512 rows are as wide as they are."""
+LARGE = 512  # pixels across: cells of 512 rows are as wide as they are
 
 
 @cache

@@ -17,7 +17,7 @@ import pytest
 
 from capture.errors import InputError
 from lighting.light_set import LightSet
-from render.live.access import Access, Ticket, checked_origins
+from render.live.access import Access, checked_origins
 from render.live.desk import Desk, Seen, State
 from render.live.limits import MOST_CLIENTS, MOST_MESSAGE_BYTES, Allowance
 from render.live.server import LiveServer
@@ -124,38 +124,6 @@ def test_the_token_leaves_the_address_and_stays_in_a_cookie():
         status, _, page = site.get(Cookie=cookie.partition(";")[0])
         assert status == 200
         assert site.token.encode() not in page
-
-
-def ticket(site):
-    return site.server.address_for_once().removeprefix(f"http://{site.host}")
-
-
-def test_a_ticket_lets_a_browser_in_once_and_holds_no_token():
-    with served() as (_, site):
-        path = ticket(site)
-        assert path.startswith("/?ticket=")
-        assert site.token not in path
-        status, headers, _ = site.get(path)
-        assert (status, headers["Location"]) == (303, "/")
-        assert site.get(Cookie=headers["Set-Cookie"].partition(";")[0])[0] == 200
-        assert site.get(path)[0] == 401
-        assert site.get(path.replace("ticket", "token"))[0] == 401
-
-
-def test_a_ticket_is_good_for_a_minute_only_and_only_the_last_one():
-    with served() as (_, site):
-        first, second = ticket(site), ticket(site)
-        assert site.get(first)[0] == 401
-        assert site.get(second + "x")[0] == 401
-        assert site.get(second, Host="evil.test")[0] == 403
-        assert site.get(second)[0] == 303
-        for spent in ("/?ticket=", "/?ticket=%C3%A9"):
-            assert site.get(spent)[0] == 401
-    now_s = time.monotonic()
-    with pytest.MonkeyPatch.context() as patch:
-        late = Ticket()
-        patch.setattr("render.live.access.time.monotonic", lambda: now_s + 61.0)
-        assert not late.spend(late.text)
 
 
 def test_the_token_is_not_logged_nor_shown(caplog, capfd):
