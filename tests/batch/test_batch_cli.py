@@ -3,6 +3,7 @@
 import io
 import json
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -63,7 +64,10 @@ def test_a_scheduler_without_workers_is_told_at_once_and_waited_for(sky, tmp_pat
 
         monkeypatch.setattr("sys.stderr", Starting())
         wishes = ["--height", 16, "--count", 4, "--stages", "lights"]
+        unasked = threading.Timer(20.0, cluster.scale, [1])  # or it would wait for ever
+        unasked.start()
         run("batch", sky, "-o", tmp_path, "--scheduler", cluster.scheduler_address, *wishes)
+        unasked.cancel()
         (line,) = sys.stderr.getvalue().splitlines()
         assert f"dask worker {cluster.scheduler_address}" in line
     rows = read_sequence_table(tmp_path / "index.sqlite")
