@@ -30,6 +30,11 @@ class GBuffer:
     """Float textures of a scene seen by a camera; (name, texture) pairs in `textures`.
 
     Owns GL objects; the context that made them must be current.
+
+    Attributes
+    ----------
+    world_to_clip : (4, 4) float64
+        Of the camera that was drawn last.
     """
 
     def __init__(
@@ -52,8 +57,8 @@ class GBuffer:
     def draw(self, camera: Camera) -> None:
         """Draw what `camera` sees."""
         near_m, far_m = _depth_range(self._points, self._near_count, camera)
-        clip = camera.world_to_clip(near_m, far_m)
-        set_uniforms(self._program, world_to_clip=clip.T, eye=camera.eye)
+        self.world_to_clip = camera.world_to_clip(near_m, far_m)
+        set_uniforms(self._program, world_to_clip=self.world_to_clip.T, eye=camera.eye)
         self._framebuffer.use()
         self._framebuffer.clear()
         self._context.enable_only(moderngl.DEPTH_TEST)

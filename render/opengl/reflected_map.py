@@ -1,11 +1,11 @@
 """What smooth surfaces mirror of a map: rays of every pixel's lobe, looked up in its mipmaps.
 
-As render/moving/reflected_map.py has it, without tracing the rays.
+As render/moving/reflected_map.py has it, but what stops the rays is known from vertices alone.
 
 Input  : a G-buffer; a map per picture.    Output : radiance, added to a framebuffer.
 Cost   : a picture, the upload of the map; a ray of a pixel that mirrors, a look-up.
-Fails  : nothing stops a ray: no object is seen in another, nor keeps the map from being seen. Below
-         the horizon a ground is seen as if nothing stood on it.
+Fails  : no object is seen in another, and the outline of what hides the map is blurred
+         (render/rays/hidden_sky.py). Below the horizon a ground is seen as if nothing stood on it.
 """
 
 import moderngl
@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from lighting.maps.environment import EnvironmentMap
 from render.opengl.context import load_program, release, set_uniforms
 from render.opengl.gbuffer import GBuffer
+from render.opengl.hidden_sky import HiddenSky
+from render.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -31,15 +33,19 @@ class ReflectedMap:
     Owns GL objects; the context that made them must be current.
     """
 
-    def __init__(self, context: moderngl.Context, gbuffer: GBuffer, eye: Array) -> None:
+    def __init__(
+        self, context: moderngl.Context, scene: Scene, gbuffer: GBuffer, eye: Array
+    ) -> None:
         self._context = context
+        self._hidden = HiddenSky(context, scene, gbuffer, ROUGH_ALPHA)
         self._weigh_program = load_program(context, "screen.vert", "weigh_map.frag")
         self._weigh = context.vertex_array(self._weigh_program, [])
         self._mirror_program = load_program(
             context, "screen.vert", "reflected_map.frag", RAYS=_RAYS, FEW_RAYS=_FEW_RAYS
         )
         self._mirror = context.vertex_array(self._mirror_program, [])
-        self._inputs = [each for each in gbuffer.textures if each[0] in self._mirror_program]
+        textures = (*gbuffer.textures, ("hidden_sky", self._hidden.texture))
+        self._inputs = [each for each in textures if each[0] in self._mirror_program]
         for unit, (name, _) in enumerate(self._inputs):
             set_uniforms(self._mirror_program, **{name: unit})
         set_uniforms(self._mirror_program, weighed_map=len(self._inputs))
@@ -47,10 +53,11 @@ class ReflectedMap:
         self._map: moderngl.Texture | None = None
         self._weighed: moderngl.Texture | None = None
         self._weighing: moderngl.Framebuffer | None = None
-        self.look_from(eye)
+        set_uniforms(self._mirror_program, eye=eye)
 
     def look_from(self, eye: Array) -> None:
         """Take over what the G-buffer holds, now that it was drawn from `eye`."""
+        self._hidden.draw()
         set_uniforms(self._mirror_program, eye=eye)
 
     def add(

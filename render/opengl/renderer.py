@@ -125,7 +125,7 @@ class Renderer(Owner):
         self._shared = (
             LightPass(context, self._gbuffer, camera.eye, interleaving) if is_shared else self._full
         )
-        self._reflected_map = ReflectedMap(context, self._gbuffer, camera.eye)
+        self._reflected_map: ReflectedMap | None = None
         self._environment = context.texture((1, 1), 3, bytes(12), dtype="f4")
         set_uniforms(self._background_program, position_hit=0, environment=1)
         self._aim_background()
@@ -140,7 +140,8 @@ class Renderer(Owner):
         self._gbuffer.draw(camera)
         for light_pass in {self._full, self._shared}:
             light_pass.look_from(camera.eye)
-        self._reflected_map.look_from(camera.eye)
+        if self._reflected_map is not None:
+            self._reflected_map.look_from(camera.eye)
         self._aim_background()
 
     def render(
@@ -191,6 +192,9 @@ class Renderer(Owner):
         rough_alpha = 0.0
         if background is not None:
             rest, discs = without_peaks(background, discs)
+            self._reflected_map = self._reflected_map or ReflectedMap(
+                self._context, self._scene, self._gbuffer, self._camera.eye
+            )
             with timed("reflections"):
                 self._reflected_map.add(self.framebuffer, rest, self._unshaded(discs))
             rough_alpha = ROUGH_ALPHA
@@ -227,7 +231,8 @@ class Renderer(Owner):
     def release(self) -> None:
         """Free the GL objects; the context stays."""
         self._gbuffer.release()
-        self._reflected_map.release()
+        if self._reflected_map is not None:
+            self._reflected_map.release()
         for light_pass in {self._full, self._shared}:
             light_pass.release()
         for atlas in (self._key_atlas, self._atlas, self._dome_atlas):

@@ -2,7 +2,7 @@
 //
 // A few rays stand for the lobe, drawn by the normals that the eye sees [Heitz 2018]; each looks up
 // the mean of the map over the share of the lobe that it stands for [Křivánek and Colbert 2008].
-// As render/rays/lobe.py and render/lights/map_pyramid.py have it.
+// As render/rays/lobe.py and render/lights/map_pyramid.py have it. What objects hide is black.
 
 uniform vec3 eye;
 uniform vec4 ground;            // radiance below the horizon, where w is 1; else the map has it
@@ -13,6 +13,7 @@ uniform sampler2D position_hit;
 uniform sampler2D normal_roughness;
 uniform sampler2D face_normal_f90;
 uniform sampler2D f0;
+uniform usampler2D hidden_sky;  // of hidden_sky.frag
 
 out vec4 radiance;
 
@@ -39,6 +40,28 @@ vec3 mean_around(vec3 direction, float share_sr) {
         uv.x += step;
     }
     return sum.rgb / sum.a;
+}
+
+vec4 harmonics_of(uint four) {
+    uvec4 bytes = uvec4(four, four >> 8, four >> 16, four >> 24) & 255u;
+    return (vec4(bytes) - 127.0) / 63.5;
+}
+
+// The harmonics of render/rays/hidden_sky.py, orthonormal but for these factors.
+const mat4 FACTORS = mat4(0.28209479, 0.48860251, 0.48860251, 0.48860251,
+                          1.09254843, 1.09254843, 0.31539157, 1.09254843,
+                          0.54627422, 0.59004359, 2.89061144, 0.45704580,
+                          0.37317633, 0.45704580, 1.44530572, 0.59004359);
+
+float open_share(mat4 hidden, vec3 d) {
+    vec3 d2 = d * d;
+    float five = 5.0 * d2.z - 1.0;
+    float sum = dot(hidden[0], vec4(1.0, d.yzx))
+        + dot(hidden[1], vec4(d.xyx * d.yzz, 3.0 * d2.z - 1.0).xywz)
+        + dot(hidden[2], vec4(d2.x - d2.y, d.y * (3.0 * d2.x - d2.y), d.x * d.y * d.z, d.y * five))
+        + dot(hidden[3], vec4(d.z * (five - 2.0), d.x * five, d.z * (d2.x - d2.y),
+                              d.x * (d2.x - 3.0 * d2.y)));
+    return clamp(1.0 - sum, 0.0, 1.0);
 }
 
 void main() {
@@ -68,6 +91,9 @@ void main() {
     mat3 to_tangent = mat3(t, cross(s, t), s);
     float g_v = sqrt(alpha2 + (1.0 - alpha2) * v.z * v.z);
 
+    uvec4 bytes = texelFetch(hidden_sky, pixel, 0);
+    mat4 hidden = matrixCompMult(FACTORS, mat4(harmonics_of(bytes.x), harmonics_of(bytes.y),
+                                               harmonics_of(bytes.z), harmonics_of(bytes.w)));
     int rays = most0 < WEAK_F0 ? FEW_RAYS : RAYS;
     vec3 sum = vec3(0.0);
     for (int k = 0; k < rays; k++) {
@@ -90,7 +116,7 @@ void main() {
         vec3 fresnel = mix(reflectance0, vec3(face.w), left2 * left2 * left);
         bool meets_ground = ground.w > 0.0 && direction.y < 0.0;
         vec3 met = meets_ground ? ground.rgb : mean_around(direction, share_sr);
-        sum += shadowed * fresnel * met;
+        sum += shadowed * open_share(hidden, direction) * fresnel * met;
     }
     radiance = vec4(sum / float(rays), 0.0);
 }
