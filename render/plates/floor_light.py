@@ -25,9 +25,9 @@ _FLOATS = NDArray[np.float32]
 Array = NDArray[np.float64]
 
 _RAYS = 64
-_CELLS = 96
+_CELLS = 128
 _POINTS = 16  # of a disc of light, of which each place of the grid looks at one
-_EXTENT = 4.0  # of the objects' radius, to either side
+_EXTENT = 3.0  # of the objects' radius, to either side
 _GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 _FAR_M = np.float32(1e30)
 
@@ -100,10 +100,11 @@ def _look_up_from_floor(
             for light in range(len(points)):
                 for i in range(PACKET):
                     column = first + i
-                    point = (7 * row + 5 * column + 3 * light) % points.shape[1]
-                    rays[0, i] = place[0] + column * place[2]
+                    right, back = _lattice(row + 31 * light, column)
+                    point = int(points.shape[1] * _lattice(column, row + 17 * light)[0])
+                    rays[0, i] = place[0] + (column + right - 0.5) * place[2]
                     rays[1, i] = y_m
-                    rays[2, i] = place[1] + row * place[2]
+                    rays[2, i] = place[1] + (row + back - 0.5) * place[2]
                     for axis in range(3):
                         rays[4 + axis, i] = points[light, point, axis]
                     rays[8, i] = _FAR_M
@@ -164,14 +165,7 @@ def _aim_down(
         surfaces[row, i, NORMAL + 1, tile],
         surfaces[row, i, NORMAL + 2, tile],
     )
-    turn = (
-        2
-        * math.pi
-        * (
-            (0.7548776662466927 * (4 * tile + i % 4) + 0.5698402909980532 * (4 * row + i // 4))
-            % 1.0
-        )
-    )
+    turn = 2 * math.pi * _lattice(4 * row + i // 4, 4 * tile + i % 4)[0]
     sine2 = (r + 0.5) / _RAYS
     angle = r * _GOLDEN_ANGLE + turn
     a, b, c = (
@@ -189,6 +183,14 @@ def _aim_down(
         rays[4 + axis, i] = d
     rays[8, i] = _FAR_M
     return y < -1e-6 and above > 0
+
+
+@njit(nogil=True)
+def _lattice(row: int, column: int) -> tuple[float, float]:  # pragma: no cover - compiled
+    """Return two numbers in [0, 1), each far from its neighbours': Roberts' R2 lattice."""
+    x = 0.7548776662466927 * column + 0.5698402909980532 * row
+    y = 0.5698402909980532 * column + 0.7548776662466927 * row
+    return x % 1.0, y % 1.0
 
 
 @njit(nogil=True, error_model="numpy")

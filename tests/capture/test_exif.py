@@ -37,6 +37,7 @@ NUMBERS = {
     "original": 36867,
     "zone": 36881,
     "fraction": 37521,
+    "on_film": 41989,
 }
 
 
@@ -49,12 +50,14 @@ def test_all_fields_are_read_in_their_units(tmp_path: Path) -> None:
         iso=400,
         original="2024:06:01 12:00:00",
         fraction="71",
+        on_film=35,
     )
     assert read_exif(path) == Exif(
         time_s=1 / 8000,
         gain=4.0,
         f_number=5.6,
         timestamp_s=pytest.approx(NOON + 0.71, rel=0, abs=1e-3),
+        equivalent_focal_length_mm=35,
         camera="Canon EOS 5D Mark II",
         orientation=6,
     )
