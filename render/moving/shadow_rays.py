@@ -212,12 +212,13 @@ def _aim(
 ) -> None:  # pragma: no cover - compiled
     """Point the rays at the points of a light's disc whose turn it is, of 4 × 4 pixels.
 
-    Points in a row are a pixel's own, as those are spread over the disc.
+    Points in a row are a pixel's own, as those are spread over the disc. Which of them comes first
+    differs from pixel to pixel, so that the first ones of sixteen are spread over it, too.
     """
     column, line = column + light, line + light // 4
     for i in range(PACKET):
         turn = _TURN[(line + stride * (i // SIDE)) & 3, (column + stride * (i % SIDE)) & 3]
-        which = ray_count * turn + ray
+        which = ray_count * turn + (ray ^ (turn >> 2 & (ray_count - 1)))
         for axis in range(3):
             rays[4 + axis, i] = points[light, which, axis]
 
