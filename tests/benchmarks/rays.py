@@ -11,8 +11,9 @@ Among floating objects nearly all rays begin on a finely cut surface, and are tr
 there, in rays a second over those of today's settings: Embree's build of high quality 0.99 to 1.03,
 compact scenes 0.76 to 0.90, trees four wide 0.87 to 0.94, AVX2 instead of AVX-512 0.62 to 0.84;
 denormals flushed 1.01 to 1.03; rays of one direction packed with those of the next 0.87 to 0.99;
-packets of rays of one octant 0.77 to 0.81. That a convex mesh does not shade itself would spare
-balls their rays, and few meshes that anyone brings are convex.
+packets of rays of one octant 0.77 to 0.81. To know of each triangle into which of 256 parts of the
+sphere its rays go free would answer 36 % of them (among slats 12 %, in a heap 15 %), and takes 0.1
+to 0.5 ms a triangle, more than a picture spares.
 """
 
 import time
