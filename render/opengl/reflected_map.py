@@ -93,7 +93,7 @@ class ReflectedMap:
             self._release_maps()
             self._map = self._context.texture(size, 3, dtype="f4")
             self._map.repeat_y = False
-            rows = max(1 << _octaves(environment.height), 1 << _LEAST_OCTAVE)
+            rows = 1 << max(_octaves(environment.height), _LEAST_OCTAVE + 1)
             self._weighed = self._context.texture((2 * rows, rows), 4, dtype="f4")
             self._weighed.repeat_y = False
             self._weighing = self._context.framebuffer([self._weighed])
@@ -105,7 +105,7 @@ class ReflectedMap:
         self._context.enable_only(moderngl.NOTHING)
         self._weigh.render(moderngl.TRIANGLES, vertices=3)
         self._weighed.build_mipmaps(0, _octaves(self._weighed.height) - _LEAST_OCTAVE)
-        self._weighed.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+        self._weighed.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)
         return self._weighed
 
     def _release_maps(self) -> None:

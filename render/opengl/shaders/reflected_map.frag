@@ -23,23 +23,38 @@ const float OVERLAP = 0.7;                // what a ray looks up, over the share
 const float WEAK_F0 = 0.1;                // of dielectrics: they scatter more than they mirror
 const int MOST_TAPS = 16;
 
+// One level, between rows linearly. What the sampler mixes is light, in which the row nearer to the
+// equator has more weight: it is asked nearer to the other one.
+vec4 between_rows(float u, float v, int level) {
+    float rows = float(textureSize(weighed_map, level).y);
+    float y = clamp(v * rows - 0.5, 0.0, rows - 1.0);
+    float row = min(floor(y), rows - 2.0);
+    float below = y - row;
+    vec2 weight = sin(PI / rows * (row + vec2(0.5, 1.5)));
+    float asked = below * weight.x / mix(weight.y, weight.x, below);
+    vec4 light = textureLod(weighed_map, vec2(u, (row + 0.5 + asked) / rows), float(level));
+    return light / light.a;
+}
+
 // Beside a pole, where cells are narrow, the mean of several.
 vec3 mean_around(vec3 direction, float share_sr) {
-    float level = length(direction.xz);
-    float rows = float(textureSize(weighed_map, 0).y);
+    float level_part = length(direction.xz);
     float width = sqrt(share_sr);
+    float rows = float(textureSize(weighed_map, 0).y);
     float lod = clamp(log2(width * rows / PI), 0.0, coarsest);
-    float turn = min(width / (2.0 * PI * max(level, 1e-6)), 1.0);
-    int taps = min(int(turn * rows * exp2(-floor(lod))) + 1, MOST_TAPS);
+    int finer = min(int(lod), int(coarsest) - 1);
+    float u = 0.5 - atan(direction.x, direction.z) / (2.0 * PI);
+    float v = atan(level_part, direction.y) / PI;
+    float turn = min(width / (2.0 * PI * max(level_part, 1e-6)), 1.0);
+    int taps = min(int(turn * rows * exp2(-float(finer))) + 1, MOST_TAPS);
     float step = turn / float(taps);
-    vec2 uv = vec2(0.5 - atan(direction.x, direction.z) / (2.0 * PI), atan(level, direction.y) / PI);
-    uv.x += 0.5 * (step - turn);
-    vec4 sum = vec4(0.0);
+    u += 0.5 * (step - turn);
+    vec3 sum = vec3(0.0);
     for (int i = 0; i < taps; i++) {
-        sum += textureLod(weighed_map, uv, lod);
-        uv.x += step;
+        sum += mix(between_rows(u, v, finer), between_rows(u, v, finer + 1), lod - float(finer)).rgb;
+        u += step;
     }
-    return sum.rgb / sum.a;
+    return sum / float(taps);
 }
 
 vec4 harmonics_of(uint four) {
