@@ -25,8 +25,8 @@ from lighting.maps.environment import EnvironmentMap
 from render.lights.all_lights import all_lights, level_irradiance
 from render.moving.renderer import MovingRenderer
 from render.output.view import roll_off
-from render.plates.floor_light import add_floor_light, floor_shade
 from render.plates.plate import Plate
+from render.rays.floor_light import add_floor_light, floor_shade
 from render.rays.surface_rows import DULL, GROUND, KIND, empty_surfaces, in_picture
 from render.rays.traced_scene import TracedScene
 from render.scenes.scene import Camera, Scene
@@ -132,7 +132,7 @@ def _surfaces_and_floor(
     try:
         traced.find_surfaces(camera, camera.size_px, surfaces)
         shade = floor_shade(traced, scene.ground.y_m, *discs)
-        add_floor_light(traced, surfaces, scene.ground.y_m, unshaded, shade, picture)
+        add_floor_light(traced, surfaces, unshaded, shade, picture)
     finally:
         traced.release()
     kinds = in_picture(surfaces[:, :, KIND : KIND + 1], camera.size_px)[..., 0].astype(np.uint8)

@@ -12,6 +12,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from lighting.maps.environment import EnvironmentMap
+from lighting.photometry.albedo import LEAST_GROUND, ground_radiance
 from render.scenes.scene import Camera
 
 
@@ -31,6 +32,12 @@ def map_coordinates(directions: NDArray[np.float64]) -> NDArray[np.float32]:
     u = 0.5 - np.arctan2(x, z) / (2 * np.pi)
     v = np.arctan2(np.hypot(x, z), y) / np.pi
     return np.stack([u, v], axis=-1).astype(np.float32)
+
+
+def seen_ground(environment: EnvironmentMap, stand_in: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the mean radiance (3,) of the ground in a map; `stand_in` if next to none was seen."""
+    radiance, share = ground_radiance(environment)
+    return radiance.astype(np.float32) if share >= LEAST_GROUND else stand_in
 
 
 def with_ground(environment: EnvironmentMap, radiance: NDArray[np.float32]) -> EnvironmentMap:

@@ -18,11 +18,11 @@ from lighting.maps.environment_files import write_environment
 from render.composite_cli import composite_command
 from render.lights.all_lights import all_lights, level_irradiance
 from render.plates.composite import composite
-from render.plates.floor_light import add_floor_light, floor_shade
 from render.plates.matching import ground_seen, match_albedo, match_gain, match_ground
 from render.plates.placing import placed
 from render.plates.plate import Plate, read_plate, write_composite
 from render.plates.plate_camera import ground_point, plate_camera, zenith_of_pitch
+from render.rays.floor_light import add_floor_light, floor_shade
 from render.rays.surface_rows import empty_surfaces
 from render.rays.traced_scene import TracedScene
 from render.scenes.default_scene import sphere
@@ -161,7 +161,7 @@ def sheet_from_below(height_m, shade_of_lights=True):
     share, place = floor_shade(traced, 0.0, *sun)
     if not shade_of_lights:
         share = np.ones_like(share)
-    add_floor_light(traced, surfaces, 0.0, np.array([1.0, 2.0, 3.0]), (share, place), picture)
+    add_floor_light(traced, surfaces, np.array([1.0, 2.0, 3.0]), (share, place), picture)
     traced.release()
     return share, picture[..., :3].mean(axis=(0, 1))
 

@@ -15,6 +15,8 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from lighting.sphere import harmonics
+from render.lights.dome import dome_lights
 from render.rays.disc_net import disc_net
 from render.rays.embree import PACKET, occluded16, occluded16_address, packet
 from render.rays.surface_rows import DULL, FACE_NORMAL, KIND, LANES, MATT, NORMAL, SIDE
@@ -24,7 +26,8 @@ from render.rays.traced_scene import TracedScene
 _FLOATS = NDArray[np.float32]
 Array = NDArray[np.float64]
 
-_RAYS = 64
+RAYS, FEW_RAYS = 64, 16
+"""Of each surface: of a picture that stays, and of one that the next replaces."""
 _CELLS = 128
 _POINTS = 16  # of a disc of light, of which each place of the grid looks at one
 _EXTENT = 3.0  # of the objects' radius, to either side
@@ -57,29 +60,42 @@ def floor_shade(
     return share, place
 
 
+def open_floor(traced: TracedScene) -> tuple[_FLOATS, _FLOATS]:
+    """Return what share of a uniform sky reaches the ground of a scene, as `floor_shade` does."""
+    assert traced.scene.ground is not None
+    uniform = np.zeros((harmonics.COUNT, 3))
+    uniform[0] = 1.0
+    return floor_shade(traced, traced.scene.ground.y_m, *dome_lights(uniform, upper_only=True))
+
+
 def add_floor_light(
     traced: TracedScene,
     surfaces: _FLOATS,
-    y_m: float,
     radiance: _FLOATS,
     shade: tuple[_FLOATS, _FLOATS],
     picture: _FLOATS,
+    rays: int = RAYS,
 ) -> None:
     """Add what matt surfaces reflect of a floor to `picture` (H, W, 4).
 
     Parameters
     ----------
     traced : TracedScene
+        With a ground.
     surfaces : (rows, LANES, FIELDS, columns) float32
         What its picture shows.
-    y_m, radiance : float, (3,) float32
-        Of the floor where nothing shades it.
+    radiance : (3,) float32
+        Of the ground where nothing shades it.
     shade
         As `floor_shade` returns it.
+    rays : int
+        Of each surface.
     """
+    assert traced.scene.ground is not None
     _look_down(
         occluded16_address(), traced.address, np.float32(traced.offset_m), surfaces,
-        np.float32(y_m), np.asarray(radiance, np.float32), *shade, picture,
+        np.float32(traced.scene.ground.y_m), np.asarray(radiance, np.float32), *shade, rays,
+        picture,
     )  # fmt: skip
 
 
@@ -125,6 +141,7 @@ def _look_down(
     radiance: _FLOATS,
     share: _FLOATS,
     place: _FLOATS,
+    count: int,
     picture: _FLOATS,
 ) -> None:  # pragma: no cover - compiled
     height, width = picture.shape[:2]
@@ -135,9 +152,11 @@ def _look_down(
             if surfaces[row, :, KIND, tile].max() < DULL:
                 continue
             received[:] = 0
-            for r in range(_RAYS):
+            for r in range(count):
                 for i in range(LANES):
-                    valid[i] = -np.int32(_aim_down(surfaces, row, i, tile, r, offset_m, rays))
+                    valid[i] = -np.int32(
+                        _aim_down(surfaces, row, i, tile, (r + 0.5) / count, r, offset_m, rays)
+                    )
                 occluded16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
                 for i in range(LANES):
                     if valid[i] != 0 and rays[8, i] > 0:
@@ -148,14 +167,21 @@ def _look_down(
                 y, x = SIDE * (row - 1) + i // SIDE, SIDE * (tile - 1) + i % SIDE
                 if surfaces[row, i, KIND, tile] >= DULL and y < height and x < width:
                     for c in range(3):
-                        # MATT is ρ/π, and rays spread by the cosine stand for π/_RAYS each.
-                        of_floor = np.float32(math.pi / _RAYS) * radiance[c] * received[c, i]
+                        # MATT is ρ/π, and rays spread by the cosine stand for π/count each.
+                        of_floor = np.float32(math.pi / count) * radiance[c] * received[c, i]
                         picture[y, x, c] += surfaces[row, i, MATT + c, tile] * of_floor
 
 
 @njit(nogil=True, error_model="numpy")
 def _aim_down(
-    surfaces: _FLOATS, row: int, i: int, tile: int, r: int, offset_m: np.float32, rays: _FLOATS
+    surfaces: _FLOATS,
+    row: int,
+    i: int,
+    tile: int,
+    sine2: float,
+    r: int,
+    offset_m: np.float32,
+    rays: _FLOATS,
 ) -> bool:  # pragma: no cover - compiled
     """Set ray `i` of a pixel, and return whether it runs down from an object's surface."""
     if surfaces[row, i, KIND, tile] < DULL:
@@ -166,7 +192,6 @@ def _aim_down(
         surfaces[row, i, NORMAL + 2, tile],
     )
     turn = 2 * math.pi * _lattice(4 * row + i // 4, 4 * tile + i % 4)[0]
-    sine2 = (r + 0.5) / _RAYS
     angle = r * _GOLDEN_ANGLE + turn
     a, b, c = (
         math.sqrt(sine2) * math.cos(angle),
