@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.baked.transport import NarrowTransport
-from render.moving.shared_rays import Discs
+from render.lights.discs import Discs
 
 Array = NDArray[np.float64]
 

@@ -25,10 +25,11 @@ from render.baked.sky_cells import SkyCells, luminance_of_all
 from render.baked.surface_samples import mirror_tint, surface_samples
 from render.baked.transport import Colours, NarrowTransport, Transport
 from render.baked.transport_kernel import TILE, place, trace_transport
+from render.lights.discs import Discs
 from render.lights.light_map import map_of_lights
 from render.lights.map_pyramid import map_pyramid
-from render.moving.reflected_map import without_peaks
-from render.moving.shared_rays import DEFAULT_EFFORT, Discs, SharedRays
+from render.lights.peaks import without_peaks
+from render.moving.shared_rays import DEFAULT_EFFORT, SharedRays
 from render.owner import Owner
 from render.rays.background import (
     look_through,

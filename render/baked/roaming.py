@@ -21,7 +21,8 @@ from render.baked.transport import Transport
 from render.baked.transport_kernel import TILE, trace_transport
 from render.lights.light_map import map_of_lights
 from render.lights.map_pyramid import map_pyramid
-from render.moving.reflected_map import add_reflected_map, without_peaks
+from render.lights.peaks import without_peaks
+from render.moving.reflected_map import add_reflected_map
 from render.moving.shared_rays import DEFAULT_EFFORT, SharedRays
 from render.moving.surroundings import mark_surfaces, show_map
 from render.owner import Owner
@@ -47,7 +48,7 @@ class RoamingRenderer(Owner):
         self._traced = TracedScene(scene)
         self._points = surface_points(self._traced.geometry, scene.ground)
         self._cells = SkyCells(scene, _WIDEST)
-        self._transport = _trace_points(self._traced, self._points, self._cells.rays)
+        self._transport = trace_points(self._traced, self._points, self._cells.rays)
         self._rays = SharedRays(DEFAULT_EFFORT)
         self._surfaces = np.zeros((0, 0, 0, 0), np.float32)
         self._light = np.zeros((0, 3))
@@ -117,7 +118,7 @@ class RoamingRenderer(Owner):
         )  # fmt: skip
 
 
-def _trace_points(traced: TracedScene, points: SurfacePoints, rays: Array) -> Transport:
+def trace_points(traced: TracedScene, points: SurfacePoints, rays: Array) -> Transport:
     """Return what points receive of cells, in tiles; the last is filled up with others' points."""
     tiles = -(-len(points.positions) // TILE)
     which = np.resize(np.arange(len(points.positions)), tiles * TILE)

@@ -7,9 +7,9 @@ from lighting.light_set import LightSet
 from lighting.maps.environment import LUMINANCE_WEIGHTS
 from lighting.sphere import harmonics
 from render.baked.direction_cells import direction_cells, spread_over_cells
+from render.lights.discs import Discs
 from render.lights.narrow_lights import narrow_lights
 from render.lights.reaching_lights import reaching_lights
-from render.moving.shared_rays import Discs
 from render.scenes.scene import Scene
 
 Array = NDArray[np.float64]

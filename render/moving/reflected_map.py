@@ -9,19 +9,13 @@ Fails  : no object is seen in another; below the horizon a ground is seen as if 
 """
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from lighting.export.residual import remove_lights
-from lighting.light_set import LightSet
-from lighting.maps.environment import EnvironmentMap
 from render.lights.map_places import place_on_map
 from render.lights.map_pyramid import MapPyramid, mean_over
-from render.lights.narrow_lights import PEAK_RAD, narrow_lights
-from render.moving.shared_rays import Discs
 from render.rays.embree import PACKET, coherent16, occluded16_address, packet
 from render.rays.lobe import lobe_points, lobe_rays
 from render.rays.surface_rows import (
@@ -78,21 +72,6 @@ def add_reflected_map(
         eye.astype(np.float32), lobe_points(_RAYS), lobe_points(_FEW_RAYS), pyramid.cells,
         pyramid.starts, radiance, rough_alpha**2, picture,
     )  # fmt: skip
-
-
-def without_peaks(environment: EnvironmentMap, lights: Discs) -> tuple[EnvironmentMap, Discs]:
-    """Return a map without the narrow lights among some, and these with what they had in it.
-
-    Those are mirrored by themselves, all others by the map.
-    """
-    peaks = narrow_lights(lights.irradiance, lights.radius_rad, PEAK_RAD)
-    of = lights.taken(peaks)
-    rest, removed = remove_lights(
-        environment, LightSet(of.directions, of.irradiance, of.radius_rad)
-    )
-    mirrored = np.zeros_like(lights.irradiance)
-    mirrored[peaks] = removed
-    return rest, replace(lights, mirrored=mirrored)
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model="numpy")

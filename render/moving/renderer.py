@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from lighting.light_set import LightSet
 from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
-from render.lights.discs import irradiance_curves
+from render.lights.discs import Discs, irradiance_curves
 from render.lights.dome import dome_lights
 from render.lights.map_pyramid import map_pyramid
+from render.lights.peaks import without_peaks
 from render.lights.reaching_lights import reaching_lights
-from render.moving.reflected_map import ROUGH_ALPHA, add_reflected_map, without_peaks
-from render.moving.shared_rays import DEFAULT_EFFORT, Discs, Effort, SharedRays
+from render.moving.reflected_map import ROUGH_ALPHA, add_reflected_map
+from render.moving.shared_rays import DEFAULT_EFFORT, Effort, SharedRays
 from render.moving.surroundings import mark_surfaces, show_map
 from render.owner import Owner
 from render.rays.background import with_ground

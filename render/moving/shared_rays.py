@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.maps.environment import LUMINANCE_WEIGHTS
-from render.lights.discs import irradiance_curves
+from render.lights.discs import Discs, irradiance_curves
 from render.moving.open_ground import add_to_ground, open_ground, weigh_on_ground
 from render.moving.shaded_light import add_lights
 from render.moving.shadow_rays import (
@@ -80,36 +80,6 @@ class Effort:
 
 
 DEFAULT_EFFORT = Effort()
-
-
-@dataclass(frozen=True, eq=False)
-class Discs:
-    """Lights as rays are sent to them.
-
-    Attributes
-    ----------
-    directions, irradiance, radius_rad : (K, 3), (K, 3), (K,) float64
-        As `reaching_lights` returns them.
-    mirrored : (K, 3) float64
-        The irradiance that mirrors show of each.
-    """
-
-    directions: Array
-    irradiance: Array
-    radius_rad: Array
-    mirrored: Array
-
-    def __len__(self) -> int:
-        return len(self.directions)
-
-    def taken(self, which: NDArray[np.integer] | NDArray[np.bool_]) -> "Discs":
-        """Return some of them, or all in another order."""
-        return Discs(
-            self.directions[which],
-            self.irradiance[which],
-            self.radius_rad[which],
-            self.mirrored[which],
-        )
 
 
 class SharedRays:

@@ -2,11 +2,11 @@
 
 Input  : a scene, a camera and LightSets.    Output : linear radiance, in the lights' scale.
 Cost   : on llvmpipe and 2 cores see tests/benchmarks/render.py.
-Fails  : only light that comes straight from the lights is there. A mirror shows the lights and not
-         the map they stand for; nothing lights another thing, the ground included. Light that
-         facets pass on to each other is lost: a white metal of roughness 1 reflects 41 %. A smooth
-         dielectric is up to 4 % too bright (tests/limits/test_render_energy.py). Penumbrae are
-         estimates (tests/limits/test_render_soft_shadows.py).
+Fails  : only light that comes straight from the lights and the map is there: nothing lights another
+         thing, but that smooth surfaces mirror the ground. Without a map they mirror the lights.
+         Light that facets pass on to each other is lost: a white metal of roughness 1 reflects
+         41 %. A smooth dielectric is up to 4 % too bright (tests/limits/test_render_energy.py).
+         Penumbrae are estimates (tests/limits/test_render_soft_shadows.py).
 """
 
 from collections.abc import Callable
@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from capture.errors import InputError
 from lighting.light_set import LightSet
 from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
-from render.lights.discs import Discs, irradiance_curves
+from render.lights.all_lights import level_irradiance
+from render.lights.discs import Discs
 from render.lights.dome import dome_lights
 from render.lights.peaks import without_peaks
 from render.lights.reaching_lights import reaching_lights
@@ -262,9 +263,8 @@ class Renderer(Owner):
         ground = self._scene.ground
         if ground is None:
             return None
-        received = 2 * irradiance_curves(lights.radius_rad)[:, 0] * lights.directions[:, 1]
-        radiance: Array = received @ lights.irradiance * ground.reflectance / np.pi
-        return radiance
+        received = level_irradiance(lights.directions, lights.irradiance, lights.radius_rad)
+        return received * ground.reflectance / np.pi
 
     def _aim_background(self) -> None:
         across, up = self._camera.half_extent()

@@ -7,8 +7,8 @@ import pytest
 
 from lighting.maps.environment import LUMINANCE_WEIGHTS
 from render.baked.narrow import STANDING, NarrowLights
+from render.lights.discs import Discs
 from render.lights.narrow_lights import NARROW_LIGHTS, narrow_lights
-from render.moving.shared_rays import Discs
 from tests.render.light_sets import random_lights
 
 
