@@ -32,6 +32,7 @@ STAGES = (
     "ball",
     "photometry",
     "render",
+    "rigid",
     "opengl",
     "loop",
     "viewers",

@@ -119,7 +119,7 @@ def _moving(repeats: int) -> list[dict[str, Any]]:
     scene, camera = default_scene()
     around = [replace(camera, eye=camera.eye + 0.02 * step) for step in range(repeats)]
     rows = []
-    for name, lights in _light_cases().items():
+    for name, lights in light_cases().items():
         every = Effort(
             key_lights=LIGHT_COUNT, key_share=0.0, key_rays=16, narrow_rad=0.0, soft_rad=math.inf
         )
@@ -168,7 +168,7 @@ def _roaming(repeats: int) -> list[dict[str, Any]]:
                 return with_mirrors.render(camera, lights)
 
         for (name, lights), (kind, drawn, true) in itertools.product(
-            _light_cases().items(),
+            light_cases().items(),
             (("matt", renderer, exact.render), ("mirrors", with_mirrors, many_rays)),
         ):
             truth = true(lights)
@@ -184,7 +184,7 @@ def _roaming(repeats: int) -> list[dict[str, Any]]:
     return rows
 
 
-def _light_cases() -> dict[str, LightSet]:
+def light_cases() -> dict[str, LightSet]:
     wide = _discs(LIGHT_COUNT, seed=0)
     irradiance, radius_rad = 0.3 * wide.irradiance, wide.angular_radius_rad.copy()
     irradiance[5], radius_rad[5] = (60.0, 55.0, 50.0), 0.005
