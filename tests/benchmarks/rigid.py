@@ -28,9 +28,10 @@ from lighting.maps.environment import LUMINANCE_WEIGHTS
 from render.baked.roaming import trace_points
 from render.baked.sky_cells import SkyCells
 from render.baked.surface_points import add_irradiance, surface_points
+from render.lights.discs import Discs
 from render.lights.dome import dome_lights
 from render.lights.reaching_lights import reaching_lights
-from render.moving.shared_rays import DEFAULT_EFFORT, Discs, Effort, SharedRays
+from render.moving.shared_rays import DEFAULT_EFFORT, Effort, SharedRays
 from render.moving.surroundings import mark_surfaces
 from render.owner import Owner
 from render.rays.surface_rows import DULL, FIELDS, KIND, NOTHING, TRIANGLE, empty_surfaces
