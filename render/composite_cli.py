@@ -15,11 +15,10 @@ from capture.output import check_place
 from lighting.light_files import read_lights
 from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from lighting.maps.environment_files import read_environment
-from lighting.photometry.albedo import ground_albedo
 from render.lights.all_lights import all_lights, level_irradiance
 from render.output.view import MIDDLE_GREY
 from render.plates.composite import composite
-from render.plates.matching import Match, ground_seen, match_albedo, match_gain, match_ground
+from render.plates.matching import Match, gain_of_ground, ground_seen, match_albedo, match_gain
 from render.plates.placing import placed
 from render.plates.plate import Plate, check_composite_suffix, read_plate, write_composite
 from render.plates.plate_camera import (
@@ -66,8 +65,8 @@ def composite_command(
 
     Their shadows fall on the photograph's ground, which sends light up to them; every pixel that
     they do not change stays as it was. The lights' scale becomes the photograph's by the ground
-    that objects stand on: by the colour and brightness that it has in --map, if that sees it, else
-    by its --albedo. Without either, that of middle grey is supposed.
+    that both show: in --map, if that is given and saw it, white balance included; else by its
+    --albedo. Without either, that of middle grey is supposed.
 
     Parameters
     ----------
@@ -104,7 +103,7 @@ def composite_command(
     gain_ev
         Stops from the lights' radiance to the plate's linear values, where they are known.
     albedo
-        Share of light that the ground sends back, where the map does not tell.
+        Share of light that the ground sends back, if that is known and not the gain.
     force
         Replace the output if it exists.
     """
@@ -153,13 +152,12 @@ def _match(
     albedo: float | None,
 ) -> tuple[Match, str]:
     if gain_ev is not None:
-        return match_gain(seen, received, 2.0**gain_ev), "by --gain-ev"
+        return match_gain(seen, received, np.full(3, 2.0**gain_ev)), "by --gain-ev"
     if albedo is not None:
         return match_albedo(seen, received, albedo), "by --albedo"
-    shown = None if environment is None else ground_albedo(environment)
-    if shown is not None:
-        about = f"by the map, which sees {shown.seen_share:.0%} of what lies below"
-        return match_ground(seen, received, shown.reflectance), about
+    gain = None if environment is None else gain_of_ground(seen, environment)
+    if gain is not None:
+        return match_gain(seen, received, gain), "by the ground in the map"
     return match_albedo(seen, received, MIDDLE_GREY), "unknown, middle grey supposed"
 
 

@@ -6,7 +6,7 @@ pixel shows the plate, the plate in shadow, or an object; their mean is taken in
 
 Input  : a plate, its camera, a scene in it, lights, and a map for mirrors to show.
 Output : the picture, linear as the plate is; pixels that objects do not change are the plate's own.
-Cost   : at 2448 × 3264 pixels and 64 lights see tests/benchmarks/plates.py.
+Cost   : 2 µs of CPU time a pixel under 64 lights, 600 bytes while it lasts.
 Fails  : ground that mirrors keeps its reflections, and shows none of the objects. Things in the
          plate neither hide the objects nor take their shadows, but as the level ground would. Edges
          of less than 5 % of the light, in a shadow, are blurred by four pixels.

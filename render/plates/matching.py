@@ -1,16 +1,16 @@
-"""One scale for a plate and the lights that are to stand in it: the ground that both know.
+"""One scale for a plate and the lights that are to stand in it.
 
 What the plate shows of the ground, P, the light that falls on it, E, and its albedo ρ belong
 together: P = gain · ρ E / π, in each channel. So of gain and albedo one has to be known:
 
 | known is | for instance from | gain | albedo |
 |---|---|---|---|
-| the gain | a plate of the lights' own camera | given | π P / (gain E) |
-| the albedo of each channel | a map that sees it | of each channel: white balance too | given |
-| the albedo in all | a guess | one, by luminance | in the plate's colour |
+| the gain | a plate of the lights' own camera | as given | π P / (gain E) |
+| the ground's light | a map that sees it | of each channel: white balance too | π P / (gain E) |
+| the albedo | a guess | one, by luminance | in the plate's colour |
 
-Fails  : where the plate's ground lies in a shadow that the lights do not know, or is glossy:
-         objects are then too dark or too bright by as much.
+Fails  : where the plate's ground lies in a shadow that the lights do not know, or is glossy, or is
+         not what most of the map's ground is: objects are then too dark or too bright by as much.
 """
 
 import math
@@ -20,7 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import InputError
-from lighting.maps.environment import LUMINANCE_WEIGHTS
+from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
+from lighting.photometry.albedo import LEAST_GROUND, ground_radiance
+from lighting.photometry.illuminance import cosine_weights
 from render.plates.plate import Plate
 from render.plates.plate_camera import pixels_of
 from render.scenes.scene import Camera
@@ -71,32 +73,39 @@ def ground_seen(plate: Plate, camera: Camera, point: Array, radius_m: float) -> 
     return seen
 
 
-def match_gain(seen: Array, received: Array, gain: float) -> Match:
-    """Return the match for one known gain; `seen` (3,) is P, `received` (3,) is E."""
-    return _match(seen, received, np.full(3, gain))
+def gain_of_ground(seen: Array, environment: EnvironmentMap) -> Array | None:
+    """Return the gain (3,) by which a map's ground becomes what the plate shows of it, `seen` (3,).
+
+    The map's is the median of each channel over the lower half, by the cosine: lines on the ground,
+    and what else stands on it, change that less than a mean. None where next to nothing was seen.
+    """
+    _, share = ground_radiance(environment)
+    if share < LEAST_GROUND:
+        return None
+    weights = cosine_weights(environment.height, (0.0, -1.0, 0.0))[environment.valid]
+    radiance = environment.radiance[environment.valid]
+    of_map = np.array([_median(radiance[:, c], weights) for c in range(3)])
+    return seen / of_map if np.all(of_map > 0) else None
 
 
-def match_ground(seen: Array, received: Array, reflectance: Array) -> Match:
-    """Return the match for ground whose albedo is known in each channel, (3,)."""
-    _check_lit(received)
-    return _match(seen, received, np.pi * seen / (np.maximum(reflectance, _DARKEST) * received))
+def match_gain(seen: Array, received: Array, gain: Array) -> Match:
+    """Return the match for a known gain (3,); `seen` (3,) is P, `received` (3,) is E."""
+    with np.errstate(divide="ignore"):
+        reflectance = np.pi * seen / (gain * received)
+    return Match(gain, np.clip(reflectance, _DARKEST, 1.0))
 
 
 def match_albedo(seen: Array, received: Array, albedo: float) -> Match:
     """Return the match for ground of a known albedo and unknown colour."""
     if not 0 < albedo <= 1:
         raise InputError(f"an albedo lies above 0 and up to 1, got {albedo:g}")
-    _check_lit(received)
-    shown, lit = float(seen @ LUMINANCE_WEIGHTS), float(received @ LUMINANCE_WEIGHTS)
-    return _match(seen, received, np.full(3, math.pi * shown / (albedo * lit)))
-
-
-def _match(seen: Array, received: Array, gain: Array) -> Match:
-    with np.errstate(divide="ignore"):
-        reflectance = np.pi * seen / (gain * received)
-    return Match(gain, np.clip(reflectance, _DARKEST, 1.0))
-
-
-def _check_lit(received: Array) -> None:
     if not np.all(received > 0):
         raise InputError("the lights leave the ground dark, and the plate does not: give its gain")
+    shown, lit = float(seen @ LUMINANCE_WEIGHTS), float(received @ LUMINANCE_WEIGHTS)
+    return match_gain(seen, received, np.full(3, math.pi * shown / (albedo * lit)))
+
+
+def _median(values: NDArray[np.float32], weights: Array) -> float:
+    order = np.argsort(values)
+    sums = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(sums, sums[-1] / 2)])

@@ -18,7 +18,7 @@ from lighting.maps.environment_files import write_environment
 from render.composite_cli import composite_command
 from render.lights.all_lights import all_lights, level_irradiance
 from render.plates.composite import composite
-from render.plates.matching import ground_seen, match_albedo, match_gain, match_ground
+from render.plates.matching import gain_of_ground, ground_seen, match_albedo, match_gain
 from render.plates.placing import placed
 from render.plates.plate import Plate, read_plate, write_composite
 from render.plates.plate_camera import ground_point, plate_camera, zenith_of_pitch
@@ -122,17 +122,28 @@ def test_edges_are_mixed_in_linear_light():
 
 def test_of_gain_and_albedo_one_gives_the_other():
     seen, received = np.array([0.2, 0.3, 0.4]), np.array([2.0, 3.0, 5.0])
-    by_ground = match_ground(seen, received, np.array([0.1, 0.2, 0.3]))
-    assert_allclose(by_ground.gain * [0.1, 0.2, 0.3] * received / np.pi, seen)
-    for match in (match_gain(seen, received, 1.5), match_albedo(seen, received, 0.25)):
+    for match in (match_gain(seen, received, np.full(3, 1.5)), match_albedo(seen, received, 0.25)):
         assert_allclose(match.gain * match.reflectance * received / np.pi, seen)
         assert np.ptp(match.gain) == 0
     assert match_albedo(np.ones(3), np.ones(3), 0.25).reflectance == pytest.approx(0.25)
-    assert_array_equal(match_gain(seen, received, 0.01).reflectance, 1)
+    assert_array_equal(match_gain(seen, received, np.full(3, 0.01)).reflectance, 1)
     with pytest.raises(InputError, match="albedo"):
         match_albedo(seen, received, 1.2)
     with pytest.raises(InputError, match="dark"):
         match_albedo(seen, np.zeros(3), 0.2)
+
+
+def test_ground_that_map_and_plate_both_show_tells_gain_and_white_balance():
+    radiance = np.full((32, 64, 3), 30.0, np.float32)
+    radiance[16:] = (0.4, 0.5, 0.6)
+    radiance[16:, 20:40] = 9.0  # a third of the ground is something else
+    seen = np.ones((32, 64), bool)
+    shown = np.array([0.4, 0.5, 0.6]) * [0.5, 0.25, 1.0]
+    found = gain_of_ground(shown, EnvironmentMap(radiance, seen, ~seen))
+    assert_allclose(found, [0.5, 0.25, 1.0], rtol=1e-6)
+    unseen = seen.copy()
+    unseen[16:] = False
+    assert gain_of_ground(shown, EnvironmentMap(radiance, unseen, ~seen)) is None
 
 
 def test_the_ground_is_read_where_the_objects_stand():
@@ -211,11 +222,12 @@ def files(tmp_path):
 
 def test_the_command_tells_gain_and_albedo_and_how_they_are_known(files, tmp_path, capsys):
     sky = np.full((8, 16, 3), 1.0, np.float32)
-    sky[4:] = 0.25
     seen = np.ones((8, 16), bool)
     write_environment(tmp_path / "map.exr", EnvironmentMap(sky, seen, ~seen))
     composite_command(tmp_path / "plate.jpg", environment=tmp_path / "map.exr", **files)
-    assert "albedo of the ground 0.25 0.25 0.25: by the map" in capsys.readouterr().out
+    # Code 150 is 0.305, and the map is 1 everywhere.
+    assert "gain -1.71 EV (red, green, blue ×1.00 1.00 1.00)" in (out := capsys.readouterr().out)
+    assert "by the ground in the map" in out
     assert read_picture(files["output"]).shape == (48, 64, 3)
     composite_command(tmp_path / "plate.jpg", force=True, height_m=0.3, **files)
     assert "unknown, middle grey supposed" in capsys.readouterr().out
