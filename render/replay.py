@@ -14,7 +14,7 @@ Fails  : a bracket that cannot be read holds the picture of the one before it in
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from capture.radiance import RadianceImage
 from capture.recording import Recording, open_recording
 from lighting.blocks.block_sums import BlockSums
 from lighting.blocks.source_blocks import apply_source_blocks, build_source_blocks
+from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.remap import apply_remap, build_remap
 from lighting.reduce import BLOCK_METHODS
@@ -37,7 +38,7 @@ from lighting.stream.light_stream import LightPlan, StreamMemory, next_lights
 from render.frame_rate import FrameRate
 from render.output.enlarging import enlarged
 from render.replay_folder import ReplayFolder, check_output, write_session
-from render.scene_renderer import SceneRenderer
+from render.replay_pictures import OpenGLPictures, Picture, Pictures, RayPictures
 from render.scenes.scene import Camera, Scene
 from render.session import Counters, StageClock, run_session
 
@@ -58,6 +59,8 @@ class ReplaySummary:
         Of each bracket, if the method predicts them.
     drawn_px : tuple of (int, int)
         (width, height) in which each picture was drawn, to be enlarged if that is less than asked.
+    drawn_with : str
+        What drew the pictures, for people.
     clipped_count : int
         Brackets with light that was clipped in every exposure: their lights are a lower bound.
     failures : tuple of str
@@ -69,6 +72,7 @@ class ReplaySummary:
     light_counts: tuple[int, ...]
     predicted_errors: tuple[float, ...]
     drawn_px: tuple[tuple[int, int], ...]
+    drawn_with: str
     clipped_count: int
     failures: tuple[str, ...]
 
@@ -97,6 +101,14 @@ class _Prepared:
     sums: BlockSums | None
 
 
+class _Named(NamedTuple):
+    """What a picture was drawn from."""
+
+    bracket_index: int
+    environment: EnvironmentMap
+    lights: LightSet
+
+
 def replay(
     recording_folder: Path,
     output: Path,
@@ -108,6 +120,7 @@ def replay(
     calibration_path: Path | None = None,
     frame_rate_hz: float | None = None,
     through_ground: bool = False,
+    with_opengl: bool = False,
     force: bool = False,
 ) -> ReplaySummary:
     """Take every bracket of a recording to a map, lights and a picture in `output`.
@@ -131,6 +144,8 @@ def replay(
         lights, and pictures may be drawn smaller.
     through_ground : bool
         Show the map through the ground, which then only carries shadows.
+    with_opengl : bool
+        Draw with OpenGL in place of rays.
     force : bool
         Replace the results of an earlier replay in `output`.
 
@@ -138,8 +153,12 @@ def replay(
     ------
     InputError
         If the recording or calibration cannot be used, none of its brackets can be read, or
-        `output` holds something else.
+        `output` holds something else; or if OpenGL is to show the map through the ground.
+    GlUnavailable
+        If there is no OpenGL to draw with.
     """
+    if with_opengl and through_ground:
+        raise InputError("a floor that only carries shadows is drawn with rays, not with OpenGL")
     check_output(output, force=force)
     rate = FrameRate(frame_rate_hz)
     cameras = cache(lambda size_px: replace(camera, size_px=size_px))
@@ -159,7 +178,9 @@ def replay(
     clipped_count = 0
     failures: list[str] = []
     with (
-        SceneRenderer(still_pictures=0) as renderer,
+        _pictures(
+            scene, frame_rate_hz, with_opengl=with_opengl, through_ground=through_ground
+        ) as pictures,
         ReplayFolder(output, camera.size_px, recorded_rate_hz(recording)) as folder,
     ):
 
@@ -197,26 +218,31 @@ def replay(
             clipped_count += bool(view.clipped.any())
             drawn_px.append(rate.size_px(camera.size_px))
             with clock.stage("render"):
-                drawn = renderer.render(
-                    scene,
+                finished = pictures.draw(
+                    _Named(bracket.index, environment, lights),
                     cameras(drawn_px[-1]),
                     lights,
                     environment,
-                    through_ground=through_ground,
+                    clock,
                 )
-                radiance = enlarged(drawn, camera.size_px)
             counters.rendered += 1
             # These are done beside all else, as decoding is.
             rate.judge(clock.frames[-1] | {"merge": 0.0, "blocks": 0.0}, planned, memory)
             took_ms = clock.frames[-1]["lights"] + clock.frames[-1]["render"]
             with clock.stage("write"):
-                folder.write(bracket.index, environment, lights, radiance)
+                write(finished)
+
+        def write(finished: list[tuple[_Named, Picture]]) -> None:
+            for named, drawn in finished:
+                folder.write(*named, enlarged(drawn, camera.size_px))
 
         def on_failure(error: UnreadableFrame) -> None:
             failures.append(str(error))
+            write(pictures.rest())
             folder.hold()
 
         counters, clock = run_session(source, process, prepare=prepare, on_failure=on_failure)
+        write(pictures.rest())
     if counters.rendered == 0:
         raise InputError(
             f"{recording_folder}: not one bracket of {counters.captured} is usable: {failures[0]}"
@@ -227,11 +253,20 @@ def replay(
         tuple(light_counts),
         tuple(predicted_errors),
         tuple(drawn_px),
+        pictures.about,
         clipped_count,
         tuple(failures),
     )
     write_session(output, "complete", _account(summary))
     return summary
+
+
+def _pictures(
+    scene: Scene, frame_rate_hz: float | None, *, with_opengl: bool, through_ground: bool
+) -> Pictures[_Named]:
+    if with_opengl:
+        return OpenGLPictures(scene, frame_rate_hz)
+    return RayPictures(scene, through_ground=through_ground)
 
 
 def recorded_rate_hz(recording: Recording) -> float:
@@ -290,6 +325,7 @@ def _account(summary: ReplaySummary) -> dict[str, Any]:
         "counters": vars(summary.counters),
         "median_lights": summary.median_lights,
         "drawn_px": summary.drawn_px,
+        "drawn_with": summary.drawn_with,
         "median_predicted_error": summary.median_predicted_error,
         "clipped_brackets": summary.clipped_count,
         "failures": summary.failures,

@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -21,6 +21,7 @@ from render.replay import (
     stage_times_ms,
     write_timings,
 )
+from render.replay_pictures import RayPictures
 
 Steady = Annotated[bool, Parameter(negative="--no-steady")]
 
@@ -40,6 +41,7 @@ def replay_command(
     mesh: Path | None = None,
     size: str = "640x480",
     mixed_reality: Annotated[bool, Parameter(negative="")] = False,
+    renderer: Literal["rays", "opengl"] = "rays",
     calibration: Path | None = None,
     timings: Path | None = None,
     force: bool = False,
@@ -71,6 +73,9 @@ def replay_command(
     mixed_reality
         Stand the objects in the room: in place of the grey ground the floor that the camera saw
         carries their shadows, and mirrors show it.
+    renderer
+        rays trace what stands once, which takes seconds, and then draw fastest on a CPU; opengl
+        draws at once, fast on a GPU, with softer reflections of objects.
     calibration
         Calibration to use instead of the recording's own.
     timings
@@ -100,6 +105,7 @@ def replay_command(
         calibration_path=calibration,
         frame_rate_hz=fps,
         through_ground=mixed_reality,
+        with_opengl=renderer == "opengl",
         force=force,
     )
     if timings is not None:
@@ -132,6 +138,8 @@ def _report(summary: ReplaySummary, output: Path) -> None:
         stages = ", ".join(f"{name} {stage['median_ms']:.1f}" for name, stage in times.items())
         to_lights_ms = capture_to_lights_ms(summary.clock)
         print(f"median ms: {stages}; capture to lights {to_lights_ms:.1f}")
+    if summary.drawn_with != RayPictures.about:
+        print(f"drawn with {summary.drawn_with}")
 
 
 def _report_choice(summary: ReplaySummary, fps: float, asked_px: tuple[int, int]) -> None:

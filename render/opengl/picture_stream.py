@@ -20,8 +20,7 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import TracebackType
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import moderngl
 import numpy as np
@@ -32,6 +31,7 @@ from lighting.maps.environment import EnvironmentMap
 from lighting.stream.budget import FIRST_COUNT, FRAMES, next_count
 from render.opengl.context import release
 from render.opengl.renderer import Renderer
+from render.owner import Owner
 
 BEHIND = 2
 """Pictures that are on their way."""
@@ -59,7 +59,7 @@ class StreamedPicture(NamedTuple):
     most_maps: int | None
 
 
-class PictureStream:
+class PictureStream(Owner):
     """Draws pictures one after the other, and hands each out `BEHIND` later.
 
     Owns GL objects: use it as a context manager, from the renderer's thread and within its life.
@@ -88,15 +88,8 @@ class PictureStream:
         ]
         self._on_the_way: deque[_Slot] = deque()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def release(self) -> None:
+        """Free the buffers."""
         for slot in (*self._free, *self._on_the_way):
             slot.release()
 

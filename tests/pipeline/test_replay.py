@@ -166,6 +166,23 @@ def test_a_budget_bounds_the_lights(
     assert counts == [32, 32, 32, last_count]
 
 
+def test_opengl_draws_the_same_pictures(
+    short_recording: Path, replayed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = tmp_path / "out"
+    wishes = ["--renderer", "opengl", "--timings", tmp_path / "t.json"]
+    replay_here(short_recording, "-o", output, *SMALL, *wishes)
+    printed = capsys.readouterr().out
+    assert "4 merged, 4 rendered, 0 failed" in printed
+    assert "device lights" in printed
+    assert "drawn with OpenGL, 2 brackets behind: " in printed
+    for picture in sorted((replayed / "pictures").iterdir()):
+        other = read_picture(output / "pictures" / picture.name)
+        difference = np.abs(read_picture(picture).astype(float) - other)
+        assert np.median(difference) < 3  # but at outlines and in shadows
+        assert np.mean(difference) < 6
+
+
 def test_a_frame_rate_draws_smaller_pictures_and_says_so(
     short_recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -13,6 +13,7 @@ from capture.recording_writer import create_recording
 from capture.sensor import assumed_sensor
 from lighting.stream.light_stream import LightPlan
 from render import replay as replaying
+from render import replay_pictures
 from render.live.settings import Settings
 from render.scenes.default_scene import default_scene
 from tests.render.live_recording import SIZE_PX, make_recording
@@ -47,12 +48,12 @@ def assert_of_one_moment(drawn):
 def test_in_a_replay(recording, tmp_path, monkeypatch):
     drawn = []
 
-    class Recorder(replaying.SceneRenderer):
+    class Recorder(replay_pictures.SceneRenderer):
         def render(self, scene, camera, lights, background=None, *, through_ground=False):
             drawn.append((lights, background))
             return np.ones((camera.size_px[1], camera.size_px[0], 4), np.float32)
 
-    monkeypatch.setattr(replaying, "SceneRenderer", Recorder)
+    monkeypatch.setattr(replay_pictures, "SceneRenderer", Recorder)
     scene, camera = default_scene((16, 12))
     replaying.replay(
         recording.folder, tmp_path / "out", LightPlan(8, is_steady=False), scene=scene,

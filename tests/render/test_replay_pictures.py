@@ -1,0 +1,60 @@
+"""Pictures of a replay: those of their renderers, each by its name, none lost."""
+
+from collections import deque
+from dataclasses import replace
+from itertools import chain
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from lighting.maps.environment import EnvironmentMap
+from render.opengl.renderer import Renderer
+from render.replay_pictures import OpenGLPictures, RayPictures
+from render.scene_renderer import SceneRenderer
+from render.scenes.default_scene import sphere
+from render.scenes.scene import Camera, Material, Scene
+from render.session import StageClock
+from tests.render.light_sets import random_lights
+
+SCENE = Scene((sphere((0, 0.5, 0), 0.5, Material(roughness=0.2, metalness=1.0), 8),))
+CAMERA = Camera(np.array([1.0, 1.2, 2.5]), np.array([0.0, 0.4, 0.0]), size_px=(24, 16))
+SMALLER = replace(CAMERA, size_px=(12, 8))
+MAP = EnvironmentMap(
+    np.ones((8, 16, 3), np.float32), np.ones((8, 16), bool), np.zeros((8, 16), bool)
+)
+LIGHTS = [random_lights(5, seed) for seed in range(7)]
+CAMERAS = [CAMERA, CAMERA, CAMERA, SMALLER, SMALLER, SMALLER, SMALLER]
+
+
+def drawn(pictures):
+    clock, there = StageClock(deque()), []
+    for number, (camera, lights) in enumerate(zip(CAMERAS, LIGHTS, strict=True)):
+        clock.begin_frame()
+        there.append(pictures.draw(number, camera, lights, MAP, clock))
+    return there, pictures.rest(), clock
+
+
+@pytest.mark.gl
+def test_opengl_hands_out_each_picture_later_and_all_before_a_smaller_one(ctx):
+    with OpenGLPictures(SCENE, None) as pictures:
+        there, rest, clock = drawn(pictures)
+        assert pictures.rest() == []
+    named = [[name for name, _ in each] for each in (*there, rest)]
+    assert named == [[], [], [0], [1, 2], [], [3], [4], [5, 6]]
+    assert "device lights" in clock.frames[2]
+    assert "device lights" not in clock.frames[0]
+    with ctx, Renderer(ctx, SCENE, CAMERA) as large, Renderer(ctx, SCENE, SMALLER) as small:
+        for name, picture in chain(*there, rest):
+            renderer = large if CAMERAS[name] is CAMERA else small
+            assert_array_equal(picture, renderer.render(LIGHTS[name], MAP))
+
+
+def test_rays_draw_each_picture_at_once():
+    with RayPictures(SCENE, through_ground=False) as pictures:
+        there, rest, _ = drawn(pictures)
+    assert rest == []
+    assert [[name for name, _ in each] for each in there] == [[number] for number in range(7)]
+    with SceneRenderer(still_pictures=0) as renderer:
+        expected = renderer.render(SCENE, CAMERA, LIGHTS[0], MAP)
+    assert_array_equal(there[0][0][1], expected)
