@@ -16,7 +16,7 @@ from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.environment_files import read_environment
 from render.moving.renderer import MovingRenderer
-from render.occlusion_cli import check_occlusion_flags, draw_occlusion
+from render.occlusion_cli import check_occlusion_flags, check_occlusion_suffix, write_occlusion
 from render.opengl.context import GlUnavailable, draw_in_context
 from render.opengl.renderer import Renderer
 from render.output.pictures import check_picture_suffix, write_picture
@@ -67,7 +67,8 @@ def render(
     lights
         lights.json, as `fishlight lights` writes it.
     output
-        The picture: .png to look at, or .exr with linear radiance in the lights' scale.
+        The picture: .png to look at, or .exr with linear radiance in the lights' scale. With --ao
+        also .ply: the mesh, with the ambient occlusion of its vertices in place of its colours.
     mesh
         OBJ, glTF, GLB or PLY file to stand on the ground; spheres and a ring without it.
     size
@@ -101,14 +102,17 @@ def render(
     """
     size_px = parse_size(size)
     fixed_ev = parse_exposure(exposure_ev)
-    check_picture_suffix(output)
+    if ao:
+        check_occlusion_suffix(output)
+    else:
+        check_picture_suffix(output)
     check_place(output, force=force)
     of_light = (lights, environment, background, fixed_ev, estimator, error, seconds, bounces)
     has_others = reference or any(each is not None for each in of_light)
     check_occlusion_flags(ao, cone_deg, max_distance_m, has_others=has_others)
     if ao:
         scene, camera = scene_to_render(mesh, size_px)
-        about = draw_occlusion(output, scene, camera, cone_deg, max_distance_m, force=force)
+        about = write_occlusion(output, scene, camera, cone_deg, max_distance_m, force=force)
         print(f"{output}: {about}")
         return
     behind, cleaned = (None, None) if background is None else read_environment(background)

@@ -7,7 +7,7 @@ import pytest
 
 from capture.errors import InputError
 from render.rays.background import picture_rays
-from render.reference.ambient_occlusion import ambient_occlusion
+from render.reference.ambient_occlusion import ambient_occlusion, vertex_occlusion
 from render.scenes.default_scene import sphere
 from render.scenes.scene import Camera, Ground, Material, Scene
 
@@ -76,3 +76,31 @@ def test_a_cone_that_is_none(cone_deg):
 def test_a_distance_that_is_none(distance_m):
     with pytest.raises(InputError, match="distance must be above 0"):
         ambient_occlusion(OVER_GROUND, TO_GROUND, distance_m=distance_m)
+
+
+def test_vertices_of_a_ball_over_the_ground():
+    """What is convex hides nothing of itself, and the ground (1 − n·up)/2 of the sky."""
+    (openness,) = vertex_occlusion(OVER_GROUND)
+    expected = (1 + BALL.normals[:, 1]) / 2
+    np.testing.assert_allclose(openness, expected, atol=0.06)
+    assert abs(np.mean(openness - expected)) < 0.001
+
+
+def test_vertices_of_each_mesh_by_themselves():
+    """A small mesh far below a ball, and its twin in the open."""
+    below, beside = (sphere((x, 0.0, 0.0), 0.01, Material(), 5) for x in (0.0, 20.0))
+    of_ball, of_below, of_beside = vertex_occlusion(Scene((BALL, below, beside), None), math.pi / 3)
+    assert [len(each) for each in (of_ball, of_below, of_beside)] == [
+        len(mesh.positions) for mesh in (BALL, below, beside)
+    ]
+    top = np.argmax(below.positions[:, 1])
+    share = (RADIUS_M / HEIGHT_M) ** 2 / math.sin(math.pi / 6) ** 2
+    assert of_below[top] == pytest.approx(1 - share, abs=0.02)
+    assert of_beside[top] == 1
+    np.testing.assert_array_equal(
+        vertex_occlusion(Scene((BALL, below), None), distance_m=1.4)[1], 1
+    )
+
+
+def test_vertices_of_a_scene_without_meshes():
+    assert vertex_occlusion(Scene((), Ground())) == ()

@@ -19,6 +19,7 @@ from lighting.simulation.outdoors import outdoors
 from render.opengl import context
 from render.opengl.context import GlUnavailable
 from render.render_cli import parse_exposure, render
+from render.scenes.mesh import load_meshes
 from tests.render.light_sets import random_lights
 
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -168,6 +169,19 @@ def test_ambient_occlusion_alone_needs_no_light(tmp_path, capsys):
         coded[whole][:, 1], 255 * srgb_encode(channels["G"][whole]), atol=0.51
     )
     assert "ambient occlusion, cone 90°, mean 0." in capsys.readouterr().out
+
+
+def test_ambient_occlusion_of_vertices(tmp_path, capsys):
+    """Of one triangle on its edge, whose normal is level, the ground hides half of the sky."""
+    (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    render(output=tmp_path / "ao.ply", mesh=tmp_path / "m.obj", ao=True)
+    (mesh,) = load_meshes(tmp_path / "ao.ply").meshes
+    np.testing.assert_allclose(mesh.vertex_colour, 0.5, atol=0.03)
+    assert "ambient occlusion of 3 vertices, cone 180°, mean 0." in capsys.readouterr().out
+    with pytest.raises(InputError, match="a picture is written as"):
+        render(output=tmp_path / "p.ply", lights=tmp_path / "l.json")
+    with pytest.raises(InputError, match="ambient occlusion is written as"):
+        render(output=tmp_path / "p.jpg", ao=True)
 
 
 def test_flags_of_ambient_occlusion_without_it(tmp_path, lights):
