@@ -36,9 +36,11 @@ from render.rays.background import (
     look_up,
     map_coordinates,
     picture_rays,
+    seen_ground,
     with_ground,
 )
 from render.rays.embree import occluded16_address
+from render.rays.floor_light import add_floor_light, add_lit, open_floor
 from render.rays.surface_rows import empty_surfaces, in_picture
 from render.rays.traced_scene import TracedScene
 from render.scenes.scene import Camera, Scene
@@ -49,6 +51,7 @@ _FLOATS = NDArray[np.float32]
 _DISC_RAYS = (4, 16)
 _DISC_RAYS_PER_RAD = 140.0  # 4 for the sun, 16 from a radius of 5° on
 _LEAST_ALPHA = 0.01
+_FLOOR_RAYS = 128
 _CELL_ROWS = 128
 
 
@@ -91,6 +94,7 @@ class BakedRenderer(Owner):
         )
         self._narrow, self._rays = NarrowLights(), SharedRays(DEFAULT_EFFORT)
 
+        self._of_floor: tuple[NDArray[np.intp], _FLOATS] | None = None
         rays = picture_rays(camera, (width, height)).reshape(-1, 3)
         self._unseen, self._ground = np.flatnonzero(~seen.hit), np.flatnonzero(seen.ground)
         self._unseen_at = map_coordinates(rays[self._unseen])
@@ -110,13 +114,15 @@ class BakedRenderer(Owner):
         """Return the picture under `lights`, as `Renderer.render` does.
 
         Mirrors show the background too; without one, the lights. With `through_ground` the ground
-        shows what the background does there, where that was seen, and carries shadows: objects
-        stand in the room.
+        shows what the background does there, where that was seen, carries shadows, and lights what
+        faces it: objects stand in the room.
         """
         light, narrow = self._cells.split(lights)
         ground = self._cells.unshaded(light, narrow)
+        floor = None
         if through_ground and background is not None:
-            background = with_ground(background, ground)
+            floor = seen_ground(background, ground)
+            background = with_ground(background, floor)
         picture = np.zeros((len(self._surface), 3, TILE), np.float32)
         of_map = np.zeros_like(light)
         if len(self._colours.mirroring):
@@ -131,6 +137,9 @@ class BakedRenderer(Owner):
         out = self._placed(picture)
         if moving.any():
             self._add_moving(narrow.taken(moving), luminance_of_all(light, narrow), out)
+        if floor is not None and self._scene.ground is not None:
+            self._of_floor = self._of_floor or self._trace_floor()
+            add_lit(*self._of_floor, floor, out.reshape(-1, 4))
         return self._assembled(out, background, ground if through_ground else None)
 
     def _reflect(
@@ -172,6 +181,16 @@ class BakedRenderer(Owner):
             points, self._colours.mirroring, least_alpha=apart
         )
         return NarrowTransport(matt[:, 0] * matt_step, mirror[:, 0] * mirror_step)
+
+    def _trace_floor(self) -> tuple[NDArray[np.intp], _FLOATS]:
+        """Return the samples (M,) that reflect a floor below an even sky, their shares (M, 3)."""
+        lit = np.zeros((*self._shape, 4), np.float32)
+        one = np.ones(3, np.float32)
+        shade = open_floor(self._traced)
+        add_floor_light(self._traced, self._surfaces, one, shade, lit, _FLOOR_RAYS)
+        share = lit.reshape(-1, 4)[:, :3]
+        samples = np.flatnonzero(share.any(axis=1))
+        return samples, share[samples]
 
     def _trace(
         self,

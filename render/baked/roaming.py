@@ -26,8 +26,9 @@ from render.moving.reflected_map import add_reflected_map
 from render.moving.shared_rays import DEFAULT_EFFORT, SharedRays
 from render.moving.surroundings import mark_surfaces, show_map
 from render.owner import Owner
-from render.rays.background import with_ground
+from render.rays.background import seen_ground, with_ground
 from render.rays.embree import occluded16_address
+from render.rays.floor_light import FEW_RAYS, add_floor_light, open_floor
 from render.rays.surface_rows import FIELDS, empty_surfaces
 from render.rays.traced_scene import TracedScene
 from render.scenes.scene import Camera, Scene
@@ -51,6 +52,7 @@ class RoamingRenderer(Owner):
         self._transport = trace_points(self._traced, self._points, self._cells.rays)
         self._rays = SharedRays(DEFAULT_EFFORT)
         self._surfaces = np.zeros((0, 0, 0, 0), np.float32)
+        self._floor_shade: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
         self._light = np.zeros((0, 3))
         self._irradiance = np.zeros((0, 3), np.float32)
 
@@ -74,8 +76,10 @@ class RoamingRenderer(Owner):
         light, narrow = self._cells.split(lights)
         self._add_sky(light, picture)
         ground = self._cells.unshaded(light, narrow)
+        floor = None
         if through_ground and background is not None:
-            background = with_ground(background, ground)
+            floor = seen_ground(background, ground)
+            background = with_ground(background, floor)
         shown = map_of_lights(lights, _MAP_ROWS) if background is None else background
         rest, narrow = without_peaks(shown, narrow)
         add_reflected_map(
@@ -88,6 +92,10 @@ class RoamingRenderer(Owner):
                 self._traced, self._surfaces, camera.eye, pixel_rad, narrow,
                 luminance_of_all(light, narrow), picture,
             )  # fmt: skip
+        if floor is not None and self._traced.scene.ground is not None:
+            self._floor_shade = self._floor_shade or open_floor(self._traced)
+            shade = self._floor_shade
+            add_floor_light(self._traced, self._surfaces, floor, shade, picture, FEW_RAYS)
         if background is not None:
             opaque = np.full(3, np.nan, np.float32)
             show_map(

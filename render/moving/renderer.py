@@ -24,7 +24,8 @@ from render.moving.reflected_map import ROUGH_ALPHA, add_reflected_map
 from render.moving.shared_rays import DEFAULT_EFFORT, Effort, SharedRays
 from render.moving.surroundings import mark_surfaces, show_map
 from render.owner import Owner
-from render.rays.background import with_ground
+from render.rays.background import seen_ground, with_ground
+from render.rays.floor_light import FEW_CELLS, FEW_RAYS, add_floor_light, open_floor
 from render.rays.surface_rows import empty_surfaces
 from render.rays.traced_scene import TracedScene
 from render.scenes.scene import Camera, Scene
@@ -87,8 +88,10 @@ class MovingRenderer(Owner):
         mark_surfaces(self._surfaces, picture)
         discs = self._discs(lights)
         ground = self._unshaded(discs)
+        floor = None
         if background is not None and through_ground:
-            background = with_ground(background, ground)
+            floor = seen_ground(background, ground)
+            background = with_ground(background, floor)
         if background is not None:
             rest, discs = without_peaks(background, discs)
             add_reflected_map(
@@ -101,6 +104,9 @@ class MovingRenderer(Owner):
             self._traced, self._surfaces, self._camera.eye, pixel_rad, discs, power, picture,
             rough_alpha2=ROUGH_ALPHA**2,
         )  # fmt: skip
+        if floor is not None and self._traced.scene.ground is not None:
+            shade = open_floor(self._traced, FEW_CELLS)
+            add_floor_light(self._traced, self._surfaces, floor, shade, picture, FEW_RAYS)
         if background is not None:
             opaque = np.full(3, np.nan, np.float32)
             show_map(

@@ -131,7 +131,7 @@ def _surfaces_and_floor(
     traced = TracedScene(scene)
     try:
         traced.find_surfaces(camera, camera.size_px, surfaces)
-        shade = floor_shade(traced, scene.ground.y_m, *discs)
+        shade = floor_shade(traced, *discs)
         add_floor_light(traced, surfaces, unshaded, shade, picture)
     finally:
         traced.release()

@@ -27,8 +27,9 @@ _FLOATS = NDArray[np.float32]
 Array = NDArray[np.float64]
 
 RAYS, FEW_RAYS = 64, 16
-"""Of each surface: of a picture that stays, and of one that the next replaces."""
-_CELLS = 128
+CELLS, FEW_CELLS = 128, 48
+"""Rays of each surface, and the grid's rows: of what stays, and of what the next picture replaces.
+Rows are a multiple of 16."""
 _POINTS = 16  # of a disc of light, of which each place of the grid looks at one
 _EXTENT = 3.0  # of the objects' radius, to either side
 _GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
@@ -36,36 +37,40 @@ _FAR_M = np.float32(1e30)
 
 
 def floor_shade(
-    traced: TracedScene, y_m: float, directions: Array, irradiance: Array, radius_rad: Array
+    traced: TracedScene,
+    directions: Array,
+    irradiance: Array,
+    radius_rad: Array,
+    cells: int = CELLS,
 ) -> tuple[_FLOATS, _FLOATS]:
     """Return what share of the light reaches a floor around the objects, (n, n, 3), and where.
 
     Rows follow z, columns x; the second, (3,), is x and z of the first cell's centre and the width
     of a cell. `directions`, `irradiance` and `radius_rad` are as `all_lights` returns them.
     """
+    assert traced.scene.ground is not None
     x, _, z, radius_m = (float(each) for each in traced.sphere)
-    width_m = 2 * _EXTENT * radius_m / _CELLS
+    width_m = 2 * _EXTENT * radius_m / cells
     first = 0.5 * width_m - _EXTENT * radius_m
     place = np.array([x + first, z + first, width_m], np.float32)
     points = disc_net(directions, radius_rad, _POINTS).astype(np.float32)
     received = (irradiance * np.maximum(directions[:, 1:2], 0)).astype(np.float32)
     total = received.sum(axis=0)
     weights = np.divide(received, total, out=np.zeros_like(received), where=total > 0)
-    share = np.zeros((_CELLS, _CELLS, 3), np.float32)
+    share = np.zeros((cells, cells, 3), np.float32)
     _look_up_from_floor(
-        occluded16_address(), traced.address, np.float32(y_m + traced.offset_m), place, points,
-        weights, share,
+        occluded16_address(), traced.address,
+        np.float32(traced.scene.ground.y_m + traced.offset_m), place, points, weights, share,
     )  # fmt: skip
     share[..., total <= 0] = 1
     return share, place
 
 
-def open_floor(traced: TracedScene) -> tuple[_FLOATS, _FLOATS]:
+def open_floor(traced: TracedScene, cells: int = CELLS) -> tuple[_FLOATS, _FLOATS]:
     """Return what share of a uniform sky reaches the ground of a scene, as `floor_shade` does."""
-    assert traced.scene.ground is not None
     uniform = np.zeros((harmonics.COUNT, 3))
     uniform[0] = 1.0
-    return floor_shade(traced, traced.scene.ground.y_m, *dome_lights(uniform, upper_only=True))
+    return floor_shade(traced, *dome_lights(uniform, upper_only=True), cells)
 
 
 def add_floor_light(
@@ -97,6 +102,16 @@ def add_floor_light(
         np.float32(traced.scene.ground.y_m), np.asarray(radiance, np.float32), *shade, rays,
         picture,
     )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def add_lit(
+    samples: NDArray[np.int64], share: _FLOATS, radiance: _FLOATS, picture: _FLOATS
+) -> None:  # pragma: no cover - compiled
+    """Add a floor's radiance (3,) to `samples` (M,) of a picture (S, 4) that have shares (M, 3)."""
+    for i in prange(len(samples)):
+        for c in range(3):
+            picture[samples[i], c] += share[i, c] * radiance[c]
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model="numpy")

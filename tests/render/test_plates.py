@@ -169,7 +169,7 @@ def sheet_from_below(height_m, shade_of_lights=True):
     traced = TracedScene(scene)
     surfaces, picture = empty_surfaces((8, 8)), np.zeros((8, 8, 4), np.float32)
     traced.find_surfaces(camera, (8, 8), surfaces)
-    share, place = floor_shade(traced, 0.0, *sun)
+    share, place = floor_shade(traced, *sun)
     if not shade_of_lights:
         share = np.ones_like(share)
     add_floor_light(traced, surfaces, np.array([1.0, 2.0, 3.0]), (share, place), picture)
