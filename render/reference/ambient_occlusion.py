@@ -5,8 +5,8 @@ lies farther than a distance does not count, so that a room can be dark in its c
 
 Input  : a scene, a camera.    Output : A of each pixel, and what share of it the scene covers.
 Or     : a scene.              Output : A of each vertex, on the side that its normal looks to.
-Cost   : a packet of 16 rays about 1 µs; 64 rays per point by default.
-Fails  : 64 rays leave noise of up to 0.03 where shadows of many directions meet. Vertices know
+Cost   : a packet of 16 rays about 1 µs; 256 rays per pixel or vertex.
+Fails  : the rays leave noise of up to 0.03 where shadows of many directions meet. Vertices know
          nothing of what is between them: a shadow within a large triangle is lost.
 
 References
@@ -49,6 +49,9 @@ RAYS = 64
 """Rays of each point that is seen."""
 
 SAMPLES_PER_AXIS = 2
+
+VERTEX_RAYS = SAMPLES_PER_AXIS**2 * RAYS
+"""Rays of a vertex: as many as of a pixel."""
 
 _OFFSET = 2e-5  # of the meshes' radius, as in surfaces.py
 _GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
@@ -155,8 +158,8 @@ def _look_around(
             for i in range(PACKET):
                 turns_rad[i] = 2 * math.pi * _dither(row, first + i)
             _look(
-                functions[1], scene, tables.ground, surface, turns_rad, widest_sine2, distance_m,
-                rays, traced, openness,
+                functions[1], scene, tables.ground, surface, RAYS, turns_rad, widest_sine2,
+                distance_m, rays, traced, openness,
             )  # fmt: skip
             for i in range(PACKET):
                 seen[row, first + i, 0] = openness[i]
@@ -188,8 +191,8 @@ def _look_from_vertices(
             surface[HIT, i] = 1
             turns_rad[i] = 2 * math.pi * _dither(part, i)
         _look(
-            function, scene, tables.ground, surface, turns_rad, widest_sine2, distance_m,
-            rays, traced, of_part,
+            function, scene, tables.ground, surface, VERTEX_RAYS, turns_rad, widest_sine2,
+            distance_m, rays, traced, of_part,
         )  # fmt: skip
         openness[PACKET * part : PACKET * part + here] = of_part[:here]
 
@@ -200,6 +203,7 @@ def _look(
     scene: int,
     ground: Floats,
     surface: Floats,
+    ray_count: int,
     turns_rad: NDArray[np.float64],
     widest_sine2: float,
     distance_m: float,
@@ -210,9 +214,9 @@ def _look(
     """Set A of a packet's surfaces, (PACKET,), each with the rays turned about its normal."""
     openness[:] = 0
     rays[:3] = surface[:3]
-    for r in range(RAYS):
+    for r in range(ray_count):
         for i in range(PACKET):
-            sine2 = widest_sine2 * (r + 0.5) / RAYS
+            sine2 = widest_sine2 * (r + 0.5) / ray_count
             x, y, z = _about(surface, i, sine2, r * _GOLDEN_ANGLE + turns_rad[i])
             rays[4, i], rays[5, i], rays[6, i], rays[8, i] = x, y, z, distance_m
             is_open = surface[HIT, i] > 0 and _is_open(surface, ground, i, x, y, z, distance_m)
@@ -220,7 +224,7 @@ def _look(
         occluded16(function, traced.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
         for i in range(PACKET):
             if traced[i] != 0 and rays[8, i] > 0:
-                openness[i] += np.float32(1 / RAYS)
+                openness[i] += np.float32(1 / ray_count)
 
 
 @njit(nogil=True)

@@ -82,7 +82,7 @@ def test_vertices_of_a_ball_over_the_ground():
     """What is convex hides nothing of itself, and the ground (1 − n·up)/2 of the sky."""
     (openness,) = vertex_occlusion(OVER_GROUND)
     expected = (1 + BALL.normals[:, 1]) / 2
-    np.testing.assert_allclose(openness, expected, atol=0.06)
+    np.testing.assert_allclose(openness, expected, atol=0.02)
     assert abs(np.mean(openness - expected)) < 0.001
 
 
