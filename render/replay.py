@@ -33,6 +33,7 @@ from lighting.blocks.source_blocks import apply_source_blocks, build_source_bloc
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from lighting.maps.remap import apply_remap, build_remap
+from lighting.photometry.albedo import GroundAlbedo, ground_albedo
 from lighting.reduce import BLOCK_METHODS
 from lighting.stream.light_stream import LightPlan, StreamMemory, next_lights
 from render.frame_rate import FrameRate
@@ -65,6 +66,9 @@ class ReplaySummary:
         Brackets with light that was clipped in every exposure: their lights are a lower bound.
     failures : tuple of str
         One line for each bracket that could not be read.
+    albedo : GroundAlbedo or None
+        Of the ground that objects stand on, as the first map shows it; None where it does not, or
+        is not shown through it.
     """
 
     counters: Counters
@@ -75,6 +79,7 @@ class ReplaySummary:
     drawn_with: str
     clipped_count: int
     failures: tuple[str, ...]
+    albedo: GroundAlbedo | None
 
     @property
     def median_lights(self) -> float:
@@ -177,6 +182,7 @@ def replay(
     drawn_px: list[tuple[int, int]] = []
     clipped_count = 0
     failures: list[str] = []
+    albedo: GroundAlbedo | None = None
     with (
         _pictures(
             scene, frame_rate_hz, with_opengl=with_opengl, through_ground=through_ground
@@ -194,11 +200,13 @@ def replay(
             return _Prepared(bracket, image, sums)
 
         def process(prepared: _Prepared, clock: StageClock, counters: Counters) -> None:
-            nonlocal memory, took_ms, clipped_count
+            nonlocal memory, took_ms, clipped_count, albedo
             bracket = prepared.bracket
             counters.merged += 1
             with clock.stage("remap"):
                 environment = apply_remap(remap, prepared.image)
+            if through_ground and counters.merged == 1:
+                albedo = ground_albedo(environment)
             view: EnvironmentMap | BlockSums = environment
             if prepared.sums is not None:
                 view = prepared.sums
@@ -256,6 +264,7 @@ def replay(
         pictures.about,
         clipped_count,
         tuple(failures),
+        albedo,
     )
     write_session(output, "complete", _account(summary))
     return summary
@@ -329,4 +338,5 @@ def _account(summary: ReplaySummary) -> dict[str, Any]:
         "median_predicted_error": summary.median_predicted_error,
         "clipped_brackets": summary.clipped_count,
         "failures": summary.failures,
+        "ground_albedo": None if summary.albedo is None else summary.albedo.reflectance.tolist(),
     }

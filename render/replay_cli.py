@@ -72,7 +72,7 @@ def replay_command(
         Size of the pictures, WIDTHxHEIGHT.
     mixed_reality
         Stand the objects in the room: in place of the grey ground the floor that the camera saw
-        carries their shadows, and mirrors show it.
+        carries their shadows and lights them from below, and mirrors show it.
     renderer
         rays trace what stands once, which takes seconds, and then draw fastest on a CPU; opengl
         draws at once, fast on a GPU, with softer reflections of objects.
@@ -111,6 +111,8 @@ def replay_command(
     if timings is not None:
         write_timings(timings, summary, force=force)
     _report(summary, output)
+    if mixed_reality:
+        _report_ground(summary)
     if fps is not None:
         _report_choice(summary, fps, camera.size_px)
 
@@ -140,6 +142,15 @@ def _report(summary: ReplaySummary, output: Path) -> None:
         print(f"median ms: {stages}; capture to lights {to_lights_ms:.1f}")
     if summary.drawn_with != RayPictures.about:
         print(f"drawn with {summary.drawn_with}")
+
+
+def _report_ground(summary: ReplaySummary) -> None:
+    if summary.albedo is None:
+        print("albedo of the ground: unknown, too little of it or of the sky was seen")
+        return
+    reflectance = " ".join(f"{share:.2f}" for share in summary.albedo.reflectance)
+    seen = f"{summary.albedo.seen_share:.0%}"
+    print(f"albedo of the ground: {reflectance}, of which {seen} was seen")
 
 
 def _report_choice(summary: ReplaySummary, fps: float, asked_px: tuple[int, int]) -> None:

@@ -4,6 +4,8 @@ Lights hold all of a map's light, and no two brackets here are equally bright: w
 bright, they are of one moment.
 """
 
+import json
+
 import numpy as np
 import pytest
 
@@ -16,7 +18,7 @@ from render import replay as replaying
 from render import replay_pictures
 from render.live.settings import Settings
 from render.scenes.default_scene import default_scene
-from tests.render.live_recording import SIZE_PX, make_recording
+from tests.render.live_recording import CALIBRATION, SIZE_PX
 from tests.render.live_run import run
 
 LEVELS = (60, 200, 90, 140, 30)
@@ -24,8 +26,9 @@ LEVELS = (60, 200, 90, 140, 30)
 
 @pytest.fixture
 def recording(tmp_path):
-    """A room whose light changes from bracket to bracket by a third and more."""
-    make_recording(tmp_path / "calibrated", brackets=1)
+    """A room of one grey, seen nearly all around, that changes by a third and more."""
+    lens = CALIBRATION | {"focal_px": 9.0, "valid_angle_rad": 2.6}
+    (tmp_path / "cal.json").write_text(json.dumps(lens))
     shape = (SIZE_PX[1], SIZE_PX[0], 3)
     with create_recording(
         tmp_path / "r", "", assumed_sensor(np.uint8), calibration=tmp_path / "cal.json"
@@ -55,11 +58,14 @@ def test_in_a_replay(recording, tmp_path, monkeypatch):
 
     monkeypatch.setattr(replay_pictures, "SceneRenderer", Recorder)
     scene, camera = default_scene((16, 12))
-    replaying.replay(
+    summary = replaying.replay(
         recording.folder, tmp_path / "out", LightPlan(8, is_steady=False), scene=scene,
         camera=camera, map_height=32, through_ground=True,
     )  # fmt: skip
     assert_of_one_moment(drawn)
+    # Ground as bright as all the rest sends back all of the light.
+    np.testing.assert_allclose(summary.albedo.reflectance, 1, rtol=0.02)
+    assert summary.albedo.seen_share > 0.5
 
 
 def test_live(recording):
