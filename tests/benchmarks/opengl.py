@@ -7,19 +7,30 @@ and, issued, by the thread's. Accuracy is the relative RMSE against the traced r
 same lights. The system names the device.
 
 Maps of large casters are drawn from proxies: what they save and what it takes to make them.
+
+Mirrors: balls and a ring of metal around nothing but a map and its 64 lights, against the traced
+reference under the map; what is brighter than all but 2 % of the truth is cut off there, or the
+highlight of the sun would be all that counts.
 """
 
 import math
 import time
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import replace
 from statistics import median
 from typing import Any
+from unittest.mock import patch
 
 import moderngl
 import numpy as np
 
 from lighting.light_set import LightSet
+from lighting.reduce import reduce_to_lights
+from render.measures.chart_scenes import chart_maps
+from render.measures.picture_errors import away_from_outlines
+from render.moving.renderer import MovingRenderer
+from render.opengl import hidden_sky
 from render.opengl.context import create_context, describe, is_software
 from render.opengl.picture_stream import PictureStream, StreamedPicture
 from render.opengl.renderer import LARGEST_MAP_PX, Renderer, as_maps_see
@@ -45,6 +56,7 @@ def run(repeats: int) -> list[dict[str, Any]]:
             *_everything_moves(context, (1920, 1080), 128, 48, max(repeats // 5, 3)),
             *_soft(context),
             *_proxies(context, repeats),
+            *_mirrors(context),
         ]
 
 
@@ -160,6 +172,48 @@ def _proxies(context: moderngl.Context, repeats: int) -> Iterator[dict[str, Any]
                 "ratio": None,
                 "accuracy": {"triangles": len(casters.closed_faces), **extra},
             }
+
+
+def _mirrors(context: moderngl.Context) -> Iterator[dict[str, Any]]:
+    maps = chart_maps(())
+    bare, camera = default_scene((120, 90))
+    inside = away_from_outlines(replace(bare, ground=None), camera)
+    for name in ("indoor", "low sun"):
+        lights = reduce_to_lights(maps[name], 64)
+        for roughness in (0.1, 0.3, 0.6):
+            metal = Material((0.95, 0.93, 0.88), roughness, metalness=1.0)
+            meshes = tuple(replace(mesh, material=metal) for mesh in bare.meshes)
+            scene = replace(bare, meshes=meshes, ground=None)
+            truth = render_reference(scene, camera, maps[name], error=0.01, seconds=10.0).radiance
+            true = truth[inside, :3]
+            most = np.quantile(true, 0.98)
+            true = np.minimum(true, most)
+            nothing = patch.object(
+                hidden_sky, "hidden_sky", lambda _, points, *__: np.zeros((len(points), 16), "f4")
+            )
+            for system, make, hides in (
+                ("rays", lambda scene=scene: MovingRenderer(scene, camera), nullcontext()),
+                ("OpenGL", lambda scene=scene: Renderer(context, scene, camera), nullcontext()),
+                (
+                    "OpenGL, hiding none",
+                    lambda scene=scene: Renderer(context, scene, camera),
+                    nothing,
+                ),
+            ):
+                with hides, make() as renderer:
+                    renderer.render(lights, maps[name])
+                    start = time.process_time()
+                    drawn = renderer.render(lights, maps[name])[inside, :3]
+                    ms = 1e3 * (time.process_time() - start)
+                off = np.minimum(drawn, most) - true
+                yield {
+                    "stage": "opengl",
+                    "case": f"metals of roughness {roughness:g}, {name}, 120×90, CPU time",
+                    "system": system,
+                    "ms": ms,
+                    "ratio": None,
+                    "accuracy": {"rel. RMSE": math.sqrt(np.mean(off**2) / np.mean(true**2))},
+                }
 
 
 def _discs(count: int, seed: int) -> LightSet:
