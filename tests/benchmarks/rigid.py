@@ -5,7 +5,8 @@ moved as one piece, with the camera and all else standing (ARCHITECTURE.md, D39)
 
 - its own pixels cost nothing, as if its own transport, in its own coordinates, were free;
 - only shadow rays toward it are traced, as if all others were kept, of lights that stand still;
-- a matt one that stands alone is lit from its own transport, and the ground by shadow rays.
+- a matt one that stands alone is lit from its own transport, and the ground by shadow rays. What
+  mirrors needs rays to each light all the same, and of what is read from files all does.
 
 640×480, 64 lights and a fill, 2° from picture to picture. CPU time of both cores, as a median over
 the pictures, which the ways draw in turn; accuracy is the relative RMSE against 16 of 256 points of
