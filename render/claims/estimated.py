@@ -146,19 +146,28 @@ def _cost_of_resampling(maps: Maps) -> list[Finding]:
         wanted = [(estimator, CANDIDATES) for estimator in (_BY_LIGHT, *_RESAMPLED)]
         plain, *resampled = spreads(environment, wanted)
         for estimator, found in zip(_RESAMPLED, resampled, strict=True):
-            at_equal_rays = found.error / plain.error * math.sqrt(found.rays / plain.rays)
             figures = {
                 "candidates for each ray": found.candidates / found.rays,
                 "µs of CPU for each ray": 1e6 * found.cpu_s / found.rays,
                 "µs, drawn by light": 1e6 * plain.cpu_s / plain.rays,
-                _AT_EQUAL_RAYS: at_equal_rays,
+                _AT_EQUAL_RAYS: _at_equal_rays(found, plain),
                 "error at equal time over drawn by light": found.error
                 / plain.error
                 * math.sqrt(found.cpu_s / plain.cpu_s),
             }
-            holds = found.candidates > 2 * found.rays and at_equal_rays < 1
-            findings.append(Finding(f"{name}, {estimator}", figures, holds))
+            findings.append(Finding(f"{name}, {estimator}", figures, _is_worth(found, plain)))
     return findings
+
+
+def _is_worth(found: Spread, plain: Spread) -> bool | None:
+    """Return whether kept rays are few and worth more; None where too few are to tell."""
+    if found.candidates > CANDIDATES * found.rays:
+        return None
+    return found.candidates > 2 * found.rays and _at_equal_rays(found, plain) < 1
+
+
+def _at_equal_rays(found: Spread, plain: Spread) -> float:
+    return found.error / plain.error * math.sqrt(found.rays / plain.rays)
 
 
 WAVELET = Claim(
@@ -177,7 +186,8 @@ RESAMPLING = Claim(
     "ones with a ray, are worth more than as many drawn by light alone.",
     "Burke, Ghosh, Heidrich, EGSR 2005; Talbot, Cline, Egbert, EGSR 2005",
     f"{CANDIDATES} candidates for each surface of the default scene. Holds where more than half "
-    f"are thrown away and the error at equal rays is below that of directions drawn by light.",
+    f"are thrown away and the error at equal rays is below that of directions drawn by light; "
+    f"nothing is said where less than one of a surface's is kept, as the error of so few is chance.",
     _cost_of_resampling,
     _AT_EQUAL_RAYS,
 )

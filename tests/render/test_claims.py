@@ -179,3 +179,10 @@ def test_resampling_holds_where_it_throws_away_and_is_worth_it(monkeypatch):
         "resampling-light": True,
         "resampling-brdf": False,
     }
+
+
+@pytest.mark.parametrize(("rays", "holds"), [(0.5, None), (2.0, True)])
+def test_a_ray_for_every_second_surface_decides_nothing_of_resampling(rays, holds):
+    plain = estimated.Spread(np.ones((1, 3, 16)), 1.0, 64.0, 64.0, 1.0)
+    few = estimated.Spread(np.ones((1, 3, 16)), 0.1, rays, 64.0, 1.0)
+    assert estimated._is_worth(few, plain) is holds
