@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from PIL import Image
 
 from capture.errors import InputError
 from capture.exr import read_exr, write_exr
@@ -160,10 +161,15 @@ def test_the_ground_is_read_where_the_objects_stand():
 
 
 def sheet_from_below(height_m, shade_of_lights=True):
-    """Return what a sheet of reflectance 1 under the sun shows from below, over its radiance."""
+    """Return what a sheet of reflectance 1 under the sun shows from below, and the shade."""
     sheet = box((-1, height_m, -1), (1, height_m + 0.1, 1), Material((1.0,) * 3, specular=0.0))
-    scene = Scene((sheet,), Ground(0.0, radius_m=1000.0))
-    eye = np.array([0.0, height_m / 2, 0.0])
+    return floor_light_from_below((sheet,), height_m / 2, shade_of_lights)
+
+
+def floor_light_from_below(meshes, eye_m, shade_of_lights=False):
+    """Return the floor's shade, and what one sees looking up of its light, (3,)."""
+    scene = Scene(meshes, Ground(0.0, radius_m=1000.0))
+    eye = np.array([0.0, eye_m, 0.0])
     camera = Camera(eye, 2 * eye, 0.1, (8, 8), np.array([0.0, 0.0, 1.0]))
     sun = all_lights(one_light((0, 1, 0)), scene)
     traced = TracedScene(scene)
@@ -180,6 +186,12 @@ def sheet_from_below(height_m, shade_of_lights=True):
 def test_a_floor_lights_what_faces_it_with_all_its_radiance():
     # Radiance L over the half space gives πL, of which a white surface shows L.
     assert_allclose(sheet_from_below(1.0, shade_of_lights=False)[1], [1, 2, 3], rtol=1e-5)
+
+
+def test_what_stands_between_hides_the_floor():
+    above = box((-1, 1, -1), (1, 1.1, 1), Material((1.0,) * 3, specular=0.0))
+    hiding = box((-50, 0.1, -50), (50, 0.2, 50), BLACK)
+    assert floor_light_from_below((above, hiding), 0.5)[1].max() < 1e-3
 
 
 def test_the_floor_below_an_object_is_in_its_shadow():
@@ -201,6 +213,7 @@ def test_objects_are_set_down_turned_and_scaled():
     assert_allclose(mesh.positions.max(axis=0) - POINT, (0.25, 1, 0.125), atol=1e-6)
     front = tall.normals[:, 2] == 1
     assert_allclose(mesh.normals[front], [[1, 0, 0]] * front.sum(), atol=1e-6)
+    assert_allclose(mesh.positions[front, 0] - POINT[0], 0.25, atol=1e-6)
     flat = replace(tall, positions=tall.positions * np.float32([1, 0, 1]))
     with pytest.raises(InputError, match="high"):
         placed([flat], POINT, 0.0, 1.0)
@@ -251,6 +264,32 @@ def test_what_does_not_make_a_picture_is_one_line(files, tmp_path, changes, mess
     changes = {k: tmp_path / v if k == "output" else v for k, v in changes.items()}
     with pytest.raises(InputError, match=message):
         composite_command(tmp_path / "plate.jpg", **(files | changes))
+
+
+def test_what_changes_is_coded_as_the_plate_is(tmp_path):
+    plate = noisy_plate()
+    half = plate.radiance / 2
+    half[0, 0] = 7.0
+    write_composite(tmp_path / "c.png", plate, half, force=False)
+    written = read_picture(tmp_path / "c.png")
+    assert_array_equal(written[0, 0], 255)
+    linear = srgb_decode(written[1:] / 255)
+    assert_allclose(linear, half[1:], atol=0.005)
+
+
+def test_a_plate_is_upright_and_its_lens_that_of_the_films_diagonal(tmp_path):
+    exif = Image.Exif()
+    exif[274] = 6  # the stored picture's left column is the top
+    exif.get_ifd(34665)[41989] = 28
+    stored = np.zeros((48, 64, 3), np.uint8)
+    stored[:, :16] = 255
+    Image.fromarray(stored).save(tmp_path / "p.png", exif=exif)
+    plate = read_plate(tmp_path / "p.png")
+    assert plate.size_px == (48, 64)
+    assert plate.radiance[:16].min() == 1
+    assert plate.radiance[16:].max() == 0
+    # 28 mm sees 75.4° along the diagonal of 43.27 mm, here 80 pixels.
+    assert plate.focal_px == pytest.approx(40 / math.tan(math.radians(75.38 / 2)), rel=1e-3)
 
 
 def test_plates_of_other_kinds(tmp_path):
