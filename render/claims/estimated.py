@@ -187,7 +187,7 @@ RESAMPLING = Claim(
     "Burke, Ghosh, Heidrich, EGSR 2005; Talbot, Cline, Egbert, EGSR 2005",
     f"{CANDIDATES} candidates for each surface of the default scene. Holds where more than half "
     f"are thrown away and the error at equal rays is below that of directions drawn by light; "
-    f"nothing is said where less than one of a surface's is kept, as the error of so few is chance.",
+    f"nothing is said where less than one of a surface's is kept: the error of so few is chance.",
     _cost_of_resampling,
     _AT_EQUAL_RAYS,
 )
