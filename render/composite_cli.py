@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from numpy.typing import NDArray
 
 from calibration.pose.up import zenith_of_edges, zenith_of_horizon
-from capture.arguments import Output
+from capture.arguments import Output, tell
 from capture.errors import InputError
 from capture.output import check_place
 from lighting.light_files import read_lights
@@ -31,7 +31,7 @@ from render.plates.plate_camera import (
 from render.scenes.casters import gather_casters
 from render.scenes.default_scene import GROUND_EXTENT, default_scene
 from render.scenes.mesh import load_meshes
-from render.scenes.scene import Ground, Scene
+from render.scenes.scene import Ground, Mesh, Scene
 
 Array = NDArray[np.float64]
 Signed = Annotated[float, Parameter(allow_leading_hyphen=True)]
@@ -85,7 +85,7 @@ def composite_command(
     height_m
         How high the objects become, all together; as they are if not given.
     turn_deg
-        Turns them to the left, seen from above; at 0 their front looks at the camera.
+        Turns them counter-clockwise, seen from above; at 0 their front looks at the camera.
     environment
         Lat-long map that the lights were made from, to be seen in mirrors, and to match by.
     fov_deg
@@ -117,13 +117,13 @@ def composite_command(
     yaw_rad = math.radians(yaw_deg)
     camera = plate_camera(picture.size_px, focal_px, zenith, yaw_rad, camera_height_m)
     point = ground_point(camera, _pixels(at, "--at")[0])
-    meshes = default_scene()[0].meshes if mesh is None else load_meshes(mesh).meshes
+    meshes = default_scene()[0].meshes if mesh is None else _loaded(mesh)
     facing_rad = math.atan2(-point[0], -point[2]) + math.radians(turn_deg)
     if mesh is None:
         facing_rad += math.pi  # its front is its back: the camera looks along +Z
     meshes = placed(meshes, point, facing_rad, height_m)
     light_set = read_lights(lights)
-    seen_map = None if environment is None else read_environment(environment)[0]
+    seen_map = None if environment is None else _read_map(environment)
     radius_m = float(gather_casters(meshes).radius_m)
     extent_m = GROUND_EXTENT * (radius_m + float(np.linalg.norm(point)))
     standing = Scene(meshes, Ground(0.0, radius_m=extent_m))
@@ -142,6 +142,18 @@ def composite_command(
         f"  gain {ev:+.2f} EV (red, green, blue ×{_three(match.gain / 2**ev)}), "
         f"albedo of the ground {_three(match.reflectance)}: {how}"
     )
+
+
+def _loaded(path: Path) -> tuple[Mesh, ...]:
+    model = load_meshes(path)
+    tell(model.notes)
+    return model.meshes
+
+
+def _read_map(path: Path) -> EnvironmentMap:
+    environment, cleaned = read_environment(path)
+    tell([f"{path}: {remark}" for remark in cleaned.remarks])
+    return environment
 
 
 def _match(

@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from lighting.light_set import LightSet
 from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
-from render.lights.discs import Discs, irradiance_curves
-from render.lights.dome import dome_lights
+from render.lights.all_lights import all_lights, level_irradiance
+from render.lights.discs import Discs
 from render.lights.map_pyramid import map_pyramid
 from render.lights.peaks import without_peaks
-from render.lights.reaching_lights import reaching_lights
 from render.moving.reflected_map import ROUGH_ALPHA, add_reflected_map
 from render.moving.shared_rays import DEFAULT_EFFORT, Effort, SharedRays
 from render.moving.surroundings import mark_surfaces, show_map
@@ -128,16 +127,7 @@ class MovingRenderer(Owner):
 
     def _discs(self, lights: LightSet) -> Discs:
         """Return the lights that reach the scene, a fill's dome among them."""
-        scene = self._traced.scene
-        parts = [reaching_lights(lights, scene)]
-        if lights.fill.any():
-            parts.append(dome_lights(lights.fill, upper_only=scene.ground is not None))
-        directions, irradiance, radius_rad = (
-            np.concatenate(each) for each in zip(*parts, strict=True)
-        )
-        if len(directions) == 0:  # the kernels want one
-            directions, irradiance = np.array([[0.0, 1.0, 0.0]]), np.zeros((1, 3))
-            radius_rad = np.zeros(1)
+        directions, irradiance, radius_rad = all_lights(lights, self._traced.scene)
         return Discs(directions, irradiance, radius_rad, irradiance)
 
     def _unshaded(self, lights: Discs) -> NDArray[np.float32]:
@@ -145,6 +135,5 @@ class MovingRenderer(Owner):
         ground = self._traced.scene.ground
         if ground is None:
             return np.zeros(3, np.float32)
-        received = 2 * irradiance_curves(lights.radius_rad)[:, 0] * lights.directions[:, 1]
-        upward = received @ lights.irradiance
+        upward = level_irradiance(lights.directions, lights.irradiance, lights.radius_rad)
         return (upward * ground.reflectance / np.pi).astype(np.float32)

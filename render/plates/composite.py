@@ -9,7 +9,8 @@ Output : the picture, linear as the plate is; pixels that objects do not change 
 Cost   : 2 µs of CPU time a pixel under 64 lights, 600 bytes while it lasts.
 Fails  : ground that mirrors keeps its reflections, and shows none of the objects. Things in the
          plate neither hide the objects nor take their shadows, but as the level ground would. Edges
-         of less than 5 % of the light, in a shadow, are blurred by four pixels.
+         of less than 5 % of the light, in a shadow, are blurred by four pixels. Of a plate of more
+         than 16 Mpx each pixel is one sample, and outlines are jagged.
 """
 
 from dataclasses import dataclass, replace
@@ -36,7 +37,7 @@ _FLOATS = NDArray[np.float32]
 SAMPLES_PER_AXIS = 2
 
 MOST_SAMPLES = 2**26
-"""Each takes some 200 bytes while it is drawn."""
+"""Each takes 150 bytes while it is drawn."""
 
 _UNCHANGED = 1e-3
 """Of the light: what is less is rounding, or would not be seen."""
