@@ -28,7 +28,7 @@ from render.moving.surroundings import mark_surfaces, show_map
 from render.owner import Owner
 from render.rays.background import seen_ground, with_ground
 from render.rays.embree import occluded16_address
-from render.rays.floor_light import FEW_RAYS, add_floor_light, open_floor
+from render.rays.floor_light import add_floor_light, open_floor
 from render.rays.surface_rows import FIELDS, empty_surfaces
 from render.rays.traced_scene import TracedScene
 from render.scenes.scene import Camera, Scene
@@ -94,8 +94,10 @@ class RoamingRenderer(Owner):
             )  # fmt: skip
         if floor is not None and self._traced.scene.ground is not None:
             self._floor_shade = self._floor_shade or open_floor(self._traced)
-            shade = self._floor_shade
-            add_floor_light(self._traced, self._surfaces, floor, shade, picture, FEW_RAYS)
+            add_floor_light(
+                self._traced, self._surfaces, floor, self._floor_shade, picture,
+                DEFAULT_EFFORT.floor_rays,
+            )  # fmt: skip
         if background is not None:
             opaque = np.full(3, np.nan, np.float32)
             show_map(

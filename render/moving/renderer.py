@@ -24,7 +24,7 @@ from render.moving.shared_rays import DEFAULT_EFFORT, Effort, SharedRays
 from render.moving.surroundings import mark_surfaces, show_map
 from render.owner import Owner
 from render.rays.background import seen_ground, with_ground
-from render.rays.floor_light import FEW_CELLS, FEW_RAYS, add_floor_light, open_floor
+from render.rays.floor_light import FEW_CELLS, add_floor_light, open_floor
 from render.rays.surface_rows import empty_surfaces
 from render.rays.traced_scene import TracedScene
 from render.scenes.scene import Camera, Scene
@@ -56,6 +56,7 @@ class MovingRenderer(Owner):
         self._samples_per_axis = samples_per_axis
         self._traced = TracedScene(scene)
         self._rays = SharedRays(effort)
+        self._floor_rays = effort.floor_rays
         self._set_camera(camera)
 
     def release(self) -> None:
@@ -103,9 +104,9 @@ class MovingRenderer(Owner):
             self._traced, self._surfaces, self._camera.eye, pixel_rad, discs, power, picture,
             rough_alpha2=ROUGH_ALPHA**2,
         )  # fmt: skip
-        if floor is not None and self._traced.scene.ground is not None:
+        if floor is not None and self._traced.scene.ground is not None and self._floor_rays:
             shade = open_floor(self._traced, FEW_CELLS)
-            add_floor_light(self._traced, self._surfaces, floor, shade, picture, FEW_RAYS)
+            add_floor_light(self._traced, self._surfaces, floor, shade, picture, self._floor_rays)
         if background is not None:
             opaque = np.full(3, np.nan, np.float32)
             show_map(

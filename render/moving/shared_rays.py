@@ -68,6 +68,8 @@ class Effort:
     is_softened : bool
         Whether, if any other light is wide, every second tile of 4 × 4 pixels sends rays to them,
         and all take the mean of what their neighbours saw.
+    floor_rays : int
+        Rays of a surface to a floor that lights it; 0 leaves that light out.
     """
 
     interleaving: int = 4
@@ -77,6 +79,7 @@ class Effort:
     narrow_rad: float = 0.03
     soft_rad: float = 0.03
     is_softened: bool = True
+    floor_rays: int = 16
 
 
 DEFAULT_EFFORT = Effort()

@@ -25,6 +25,7 @@ from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from render.lights.all_lights import all_lights, level_irradiance
 from render.moving.renderer import MovingRenderer
+from render.moving.shared_rays import Effort
 from render.output.view import roll_off
 from render.plates.plate import Plate
 from render.rays.floor_light import add_floor_light, floor_shade
@@ -98,7 +99,7 @@ def composite(
     n = SAMPLES_PER_AXIS if SAMPLES_PER_AXIS**2 * width * height <= MOST_SAMPLES else 1
     fine = replace(camera, size_px=(n * width, n * height))
     kinds, of_floor, unshaded = _surfaces_and_floor(scene, fine, lights)
-    with MovingRenderer(scene, fine) as renderer:
+    with MovingRenderer(scene, fine, effort=Effort(floor_rays=0)) as renderer:
         drawn = renderer.render(lights)
         ground = drawn if environment is None else drawn.copy()
         if environment is not None:

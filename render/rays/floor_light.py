@@ -26,10 +26,9 @@ from render.rays.traced_scene import TracedScene
 _FLOATS = NDArray[np.float32]
 Array = NDArray[np.float64]
 
-RAYS, FEW_RAYS = 64, 16
+RAYS = 64
 CELLS, FEW_CELLS = 128, 48
-"""Rays of each surface, and the grid's rows: of what stays, and of what the next picture replaces.
-Rows are a multiple of 16."""
+"""Rows of the grid, a multiple of 16: for what stays, and for what the next picture replaces."""
 _POINTS = 16  # of a disc of light, of which each place of the grid looks at one
 _EXTENT = 3.0  # of the objects' radius, to either side
 _GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))

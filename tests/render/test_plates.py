@@ -112,6 +112,19 @@ def test_a_sheet_of_the_grounds_albedo_on_the_ground_is_not_seen():
     assert_allclose(result.picture, 0.3, rtol=0.03)
 
 
+def test_a_map_is_for_mirrors_and_brings_matt_objects_no_more_light():
+    seen = np.ones((16, 32), bool)
+    bright = EnvironmentMap(np.full((16, 32, 3), 9.0, np.float32), seen, ~seen)
+    plain, before_map = (
+        composite(grey_plate(), CAMERA, on_ground(BALL), SUN_AND_SKY, np.ones(3), behind).picture
+        for behind in (None, bright)
+    )
+    assert_allclose(before_map, plain, rtol=1e-4)
+    metal = replace(BALL, material=Material((0.9, 0.9, 0.9), roughness=0.2, metalness=1.0))
+    mirror = composite(grey_plate(), CAMERA, on_ground(metal), SUN_AND_SKY, np.ones(3), bright)
+    assert mirror.picture[23, 31].min() > 5
+
+
 def test_edges_are_mixed_in_linear_light():
     """Without light an object is black: what is left of the plate is what it does not cover."""
     wall = box_at((-0.501, 0, 0), (0.5, 9, 0.01))
