@@ -116,7 +116,10 @@ def composite_command(
     zenith = _zenith(picture.size_px, focal_px, pitch_deg, vertical or [], horizon)
     yaw_rad = math.radians(yaw_deg)
     camera = plate_camera(picture.size_px, focal_px, zenith, yaw_rad, camera_height_m)
-    point = ground_point(camera, _pixels(at, "--at")[0])
+    places = _pixels(at, "--at")
+    if len(places) > 1:
+        raise InputError(f"--at: wanted one pixel, where the objects stand together, got {at!r}")
+    point = ground_point(camera, places[0])
     meshes = default_scene()[0].meshes if mesh is None else _loaded(mesh)
     facing_rad = math.atan2(-point[0], -point[2]) + math.radians(turn_deg)
     if mesh is None:

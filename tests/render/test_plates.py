@@ -265,6 +265,7 @@ def test_the_command_tells_gain_and_albedo_and_how_they_are_known(files, tmp_pat
     ("changes", "message"),
     [
         ({"at": "31"}, "--at"),
+        ({"at": "31,30 5,30"}, "one pixel"),
         ({"at": "31,9", "pitch_deg": 0.0}, "above the horizon"),
         ({"pitch_deg": None}, "one of --pitch-deg"),
         ({"horizon": "1,2 3,4"}, "one of --pitch-deg"),
