@@ -161,11 +161,11 @@ def _percent(share: float) -> str:
 
 def _claims(checked: Sequence[Checked]) -> str:
     overview = [
-        row([claim.name, claim.says, claim.source, verdict(findings), found(claim, findings)], kind)
+        row([claim.name, claim.says, claim.source, found(claim, findings), verdict(findings)], kind)
         for claim, findings in checked
         for kind in ["held" if verdict(findings) == CONFIRMED else ""]
     ]
-    parts = [table("", ["Claim", "In words", "Source", "Found here", "What decides"], overview)]
+    parts = [table("", ["Claim", "In words", "Source", "What decides", "Found here"], overview)]
     for claim, findings in checked:
         figures = list(dict.fromkeys(name for finding in findings for name in finding.figures))
         rows = [
