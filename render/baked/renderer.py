@@ -138,8 +138,7 @@ class BakedRenderer(Owner):
         if moving.any():
             self._add_moving(narrow.taken(moving), luminance_of_all(light, narrow), out)
         if floor is not None and self._scene.ground is not None:
-            self._of_floor = self._of_floor or self._trace_floor()
-            add_lit(*self._of_floor, floor, out.reshape(-1, 4))
+            add_lit(*self.trace_floor(), floor, out.reshape(-1, 4))
         return self._assembled(out, background, ground if through_ground else None)
 
     def _reflect(
@@ -182,15 +181,21 @@ class BakedRenderer(Owner):
         )
         return NarrowTransport(matt[:, 0] * matt_step, mirror[:, 0] * mirror_step)
 
-    def _trace_floor(self) -> tuple[NDArray[np.intp], _FLOATS]:
-        """Return the samples (M,) that reflect a floor below an even sky, their shares (M, 3)."""
+    def trace_floor(self) -> tuple[NDArray[np.intp], _FLOATS]:
+        """Return the samples (M,) that reflect a floor below an even sky, their shares (M, 3).
+
+        They are traced once; else, the first picture through the ground takes so much longer.
+        """
+        if self._of_floor is not None:
+            return self._of_floor
         lit = np.zeros((*self._shape, 4), np.float32)
         one = np.ones(3, np.float32)
         shade = open_floor(self._traced)
         add_floor_light(self._traced, self._surfaces, one, shade, lit, _FLOOR_RAYS)
         share = lit.reshape(-1, 4)[:, :3]
         samples = np.flatnonzero(share.any(axis=1))
-        return samples, share[samples]
+        self._of_floor = samples, share[samples]
+        return self._of_floor
 
     def _trace(
         self,

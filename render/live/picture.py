@@ -26,6 +26,7 @@ from render.baked.renderer import BakedRenderer
 from render.live.models import Models
 from render.live.settings import Settings
 from render.moving.renderer import MovingRenderer
+from render.scenes.scene import Camera, Scene
 
 RESTING_S = 0.7
 """A view that was not changed for so long is worth tracing."""
@@ -129,7 +130,7 @@ class LivePicture:
         is_there = self._baked is not None and self._baked_px == wanted_px
         if is_resting and not is_there:
             scene, camera = self._models.view(settings, wanted_px)
-            future = self._tracer.submit(BakedRenderer, scene, camera)
+            future = self._tracer.submit(_traced, scene, camera)
             self._tracing = view, wanted_px, future
             if not may_enter_beside():
                 future.exception()  # waits for it
@@ -138,6 +139,14 @@ class LivePicture:
         if self._baked is not None:
             self._baked.release()
         self._baked = None
+
+
+def _traced(scene: Scene, camera: Camera) -> BakedRenderer:
+    """Return a renderer that has traced all that its pictures will show."""
+    renderer = BakedRenderer(scene, camera)
+    if scene.ground is not None:
+        renderer.trace_floor()
+    return renderer
 
 
 def may_enter_beside() -> bool:
