@@ -8,7 +8,8 @@ Cost   : tracing, seconds; a frame, see tests/benchmarks/render.py; memory, a by
          cell, and up to 700 for a sample that mirrors. A narrow light that moves costs its rays.
 Fails  : light within a cell comes from all of it, so shadows of lights that are no narrower blur by
          up to a cell (9° across). What mirrors shows the map, and no other object (gloss.py,
-         tests/limits/test_render_baked_gloss.py).
+         tests/limits/test_render_baked_gloss.py). The floor of a room lights objects as if it lay
+         under an even sky, whatever shadows single lights cast on it.
 """
 
 import math
