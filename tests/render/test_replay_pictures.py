@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from capture.errors import InputError
 from lighting.maps.environment import EnvironmentMap
+from lighting.stream.light_stream import LightPlan
+from render import replay as replaying
 from render.opengl.renderer import Renderer
 from render.replay_pictures import OpenGLPictures, RayPictures
 from render.scene_renderer import SceneRenderer
@@ -16,6 +19,7 @@ from render.scenes.default_scene import sphere
 from render.scenes.scene import Camera, Material, Scene
 from render.session import StageClock
 from tests.render.light_sets import random_lights
+from tests.render.live_recording import make_recording
 
 SCENE = Scene((sphere((0, 0.5, 0), 0.5, Material(roughness=0.2, metalness=1.0), 8),))
 CAMERA = Camera(np.array([1.0, 1.2, 2.5]), np.array([0.0, 0.4, 0.0]), size_px=(24, 16))
@@ -58,3 +62,36 @@ def test_rays_draw_each_picture_at_once():
     with SceneRenderer(still_pictures=0) as renderer:
         expected = renderer.render(SCENE, CAMERA, LIGHTS[0], MAP)
     assert_array_equal(there[0][0][1], expected)
+
+
+@pytest.mark.gl
+def test_a_bracket_that_cannot_be_read_holds_the_picture_of_the_one_before_it(
+    tmp_path, monkeypatch
+):
+    written = []
+
+    class Noted(replaying.ReplayFolder):
+        def write(self, index, environment, lights, radiance):
+            written.append(index)
+
+        def hold(self):
+            written.append("held")
+
+    recording = make_recording(tmp_path / "r", brackets=4)
+    broken = sorted((recording.folder / "frames").iterdir())[4]  # the third bracket's first
+    broken.write_bytes(b"")
+    monkeypatch.setattr(replaying, "ReplayFolder", Noted)
+    (tmp_path / "out").mkdir()
+    replaying.replay(
+        recording.folder, tmp_path / "out", LightPlan(4), scene=SCENE, camera=CAMERA,
+        map_height=16, with_opengl=True,
+    )  # fmt: skip
+    assert written == [0, 1, "held", 3]
+
+
+def test_a_floor_that_only_carries_shadows_is_not_drawn_with_opengl(tmp_path):
+    with pytest.raises(InputError, match="with rays, not with OpenGL"):
+        replaying.replay(
+            tmp_path, tmp_path / "out", LightPlan(4), scene=SCENE, camera=CAMERA,
+            through_ground=True, with_opengl=True,
+        )  # fmt: skip
