@@ -153,6 +153,17 @@ def test_rays_draw_the_same(ctx, roughness, environment, bound):
     assert_allclose(seen.mean(), expected.mean(), rtol=0.01)
 
 
+def test_another_camera_sees_what_a_new_renderer_would(ctx):
+    scene = Scene((*ball(0.1).meshes, sphere((2.2, 0, 0), 1, metal(0.3), 24)), None)
+    beside = replace(CAMERA, eye=np.array([-2.0, 1.0, 2.5]))
+    environment = whole(2 + directions())
+    with Renderer(ctx, scene, CAMERA) as renderer:
+        renderer.render(DARK, environment)
+        renderer.look_from(beside)
+        seen = renderer.render(DARK, environment)[..., :3]
+    np.testing.assert_array_equal(seen, drawn(ctx, scene, beside, DARK, environment))
+
+
 def test_harmonics_of_order_3_are_orthonormal_and_begin_with_those_of_order_2():
     column, row = np.meshgrid(np.arange(64), np.arange(32))
     d = grid_to_direction(np.stack([column, row], axis=-1), 32).reshape(-1, 3)
