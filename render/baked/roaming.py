@@ -115,6 +115,8 @@ class RoamingRenderer(Owner):
 
     def _add_sky(self, light: Array, picture: NDArray[np.float32]) -> None:
         """Add what surfaces reflect evenly of ∫L dω of each cell, (D, 3)."""
+        if not light.any():
+            return
         if not np.array_equal(light, self._light):
             received = np.zeros(self._transport.matt_scale.shape, np.float32)
             self._transport.add(light, np.zeros_like(light), received)
