@@ -50,8 +50,8 @@ def place_on_map(
     for i in range(count):
         x, y, z = directions[0, i], directions[1, i], directions[2, i]
         level = np.float32(math.sqrt(x * x + z * z))
-        places[0, i] = half - _HALF_BY_PI * _angle(x, z)
-        places[1, i] = np.float32(2) * _HALF_BY_PI * _angle(level, y)
+        places[0, i] = half - _HALF_BY_PI * angle_of(x, z)
+        places[1, i] = np.float32(2) * _HALF_BY_PI * angle_of(level, y)
         sine = level / np.float32(math.sqrt(x * x + y * y + z * z))
         width = np.float32(math.sqrt(share_sr[i]))
         places[2, i] = min(width * _HALF_BY_PI / max(sine, np.float32(1e-6)), one)
@@ -68,8 +68,8 @@ def place_on_map(
 
 
 @njit(nogil=True, fastmath=_LOOSE, error_model="numpy", inline="always")
-def _angle(a: np.float32, b: np.float32) -> np.float32:  # pragma: no cover - compiled
-    """Return atan2(a, b)."""
+def angle_of(a: np.float32, b: np.float32) -> np.float32:  # pragma: no cover - compiled
+    """Return atan2(a, b), off by less than 1e-6."""
     one = np.float32(1)
     along, across = abs(a), abs(b)
     tangent = min(along, across) / max(max(along, across), _TINY)

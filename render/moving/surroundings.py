@@ -2,7 +2,8 @@
 
 As render/rays/background.py, for views that change: nothing is computed beforehand.
 
-Cost   : about 60 ns a pixel that shows the map.
+Cost   : about 30 ns a pixel that shows the map.
+Fails  : where it is looked up is off by up to 1e-6 of its width, as map_places.py.
 """
 
 import math
@@ -11,10 +12,13 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from render.rays.background import bilinear
+from render.lights.map_places import angle_of
+from render.rays.background import between, corners_of
 from render.rays.surface_rows import GROUND, KIND, NOTHING, POSITION, SIDE
 
 _FLOATS = NDArray[np.float32]
+
+_TURNS = np.float32(0.5 / math.pi)  # in a radian
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model="numpy")
@@ -53,10 +57,11 @@ def show_map(
                 x, y, z = seen[POSITION, at], seen[POSITION + 1, at], seen[POSITION + 2, at]
                 if is_ground:
                     x, y, z = x - eye[0], y - eye[1], z - eye[2]
-                u = np.float32(0.5 - math.atan2(x, z) / (2 * math.pi))
-                v = np.float32(math.atan2(math.sqrt(x * x + z * z), y) / math.pi)
+                u = np.float32(0.5) - _TURNS * angle_of(x, z)
+                v = np.float32(2) * _TURNS * angle_of(np.float32(math.sqrt(x * x + z * z)), y)
+                cells = corners_of(radiance.shape[0], radiance.shape[1], (u, v))
                 for c in range(3):
                     shade = np.float32(1)
                     if is_ground and unshaded[c] > 0:
                         shade = picture[line, column, c] / unshaded[c]
-                    picture[line, column, c] = shade * bilinear(radiance, (u, v), c)
+                    picture[line, column, c] = shade * between(radiance, cells, c)

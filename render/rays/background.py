@@ -67,9 +67,9 @@ def look_up(
 ) -> None:  # pragma: no cover - compiled
     """Set `samples` (S,) of `out` to a map (N, 2N, 3) at (S, 2) as `map_coordinates` gives them."""
     for i in prange(len(at)):
-        cells = _corners(radiance.shape[0], radiance.shape[1], at[i])
+        cells = corners_of(radiance.shape[0], radiance.shape[1], at[i])
         for c in range(3):
-            out[samples[i], c] = _between(radiance, cells, c)
+            out[samples[i], c] = between(radiance, cells, c)
 
 
 @njit(cache=True, nogil=True, parallel=True)
@@ -91,22 +91,14 @@ def look_through(
            its difference of two pictures, with the albedo that makes the second one the photograph.
     """
     for i in prange(len(at)):
-        cells = _corners(radiance.shape[0], radiance.shape[1], at[i])
+        cells = corners_of(radiance.shape[0], radiance.shape[1], at[i])
         for c in range(3):
             shade = out[samples[i], c] / unshaded[c] if unshaded[c] > 0 else np.float32(1)
-            out[samples[i], c] = shade * _between(radiance, cells, c)
-
-
-@njit(nogil=True)
-def bilinear(
-    radiance: NDArray[np.float32], at: Any, c: int
-) -> np.float32:  # pragma: no cover - compiled
-    """Return channel c of a map (N, 2N, 3) at (u, v), as `map_coordinates` gives them."""
-    return _between(radiance, _corners(radiance.shape[0], radiance.shape[1], at), c)
+            out[samples[i], c] = shade * between(radiance, cells, c)
 
 
 @njit(nogil=True, error_model="numpy")
-def _corners(
+def corners_of(
     rows: int, columns: int, at: Any
 ) -> tuple[int, int, int, np.float32, np.float32]:  # pragma: no cover - compiled
     """Return the upper of two rows, two columns, and how far to the second of each u, v lies."""
@@ -118,9 +110,10 @@ def _corners(
 
 
 @njit(nogil=True)
-def _between(
+def between(
     radiance: NDArray[np.float32], corners: tuple[int, int, int, np.float32, np.float32], c: int
 ) -> np.float32:  # pragma: no cover - compiled
+    """Return channel c of a map (N, 2N, 3) between the cells that `corners_of` gives."""
     row, left, beside, down, right = corners
     near, high = np.float32(1) - right, np.float32(1) - down
     above = near * radiance[row, left, c] + right * radiance[row, beside, c]
