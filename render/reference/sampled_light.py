@@ -73,7 +73,6 @@ def add_from_pool(
 
     Returns how many rays were traced.
     """
-    rays, valid = shadow
     traced = 0
     points = spent.side * spent.side
     strata = spent.light * points
@@ -81,7 +80,7 @@ def add_from_pool(
     part = np.float32(1 / strata)
     preference = spent.lobe / spent.light
     mirrors = (surface[F90] * surface[HIT]).max() > 0
-    rays[0:3] = surface[0:3]
+    shadow[0][0:3] = surface[0:3]
     for s in range(spent.light):
         random = mixed(random)
         first = (s * points + share) * members
@@ -91,13 +90,7 @@ def add_from_pool(
             at = first + ((((_STEP[i] ^ turned) << 28) + start) * members >> 32)
             for field in range(7):
                 light[field, i] = pool[at, field]
-        if _select(sphere, lowest, surface, light, valid):
-            rays[4:7] = light[0:3]
-            rays[8] = FAR_M
-            coherent16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
-            for i in range(PACKET):
-                light[7, i] *= np.float32(rays[8, i] > 0)
-                traced -= valid[i]
+        traced += _look(function, scene, sphere, lowest, surface, shadow, light)
         for i in range(PACKET):
             expected = np.float32(0)
             for k in range(0, CORNERS, 3):
@@ -141,12 +134,11 @@ def add_from_lobes(
     total: Floats,
 ) -> int:  # pragma: no cover - compiled
     """Add what surfaces mirror from directions of their lobes; return how many rays were traced."""
-    rays, valid = shadow
     traced = 0
     strata = spent.lobe * spent.side * spent.side
     preference = spent.lobe / spent.light
     radiance = np.empty(3, np.float32)
-    rays[0:3] = surface[0:3]
+    shadow[0][0:3] = surface[0:3]
     for s in range(spent.lobe):
         index = share * spent.lobe + s
         for i in range(PACKET):
@@ -158,13 +150,7 @@ def add_from_lobes(
             else:
                 for axis in range(3):  # away from the surface: not selected
                     light[axis, i] = -surface[NORMAL + axis, i]
-        if _select(sphere, emitters.lowest, surface, light, valid):
-            rays[4:7] = light[0:3]
-            rays[8] = FAR_M
-            coherent16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
-            for i in range(PACKET):
-                light[7, i] *= np.float32(rays[8, i] > 0)
-                traced -= valid[i]
+        traced += _look(function, scene, sphere, emitters.lowest, surface, shadow, light)
         for i in range(PACKET):
             if light[7, i] == 0:
                 continue
@@ -178,11 +164,35 @@ def add_from_lobes(
     return traced
 
 
+@njit(nogil=True)
+def _look(
+    function: int,
+    scene: int,
+    sphere: Floats,
+    lowest: float,
+    surface: Floats,
+    shadow: tuple[Floats, NDArray[np.int32]],
+    light: Floats,
+) -> int:  # pragma: no cover - compiled
+    """Set row 7 of `light` to n·l, 0 where no light comes; return how many rays were traced."""
+    rays, valid = shadow
+    if not _select(sphere, lowest, surface, light, valid):
+        return 0
+    rays[4:7] = light[0:3]
+    rays[8] = FAR_M
+    coherent16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
+    traced = 0
+    for i in range(PACKET):
+        light[7, i] *= np.float32(rays[8, i] > 0)
+        traced -= valid[i]
+    return traced
+
+
 @njit(nogil=True, fastmath={"contract"})
 def _select(
     sphere: Floats, lowest: float, surface: Floats, light: Floats, valid: NDArray[np.int32]
 ) -> bool:  # pragma: no cover - compiled
-    """Set row 7 of `light` to n·l, 0 where no light comes; mark the rays to trace.
+    """Set row 7 of `light` to n·l, 0 where no light may come; mark the rays to trace.
 
     Light comes from above the surface, its face and the ground, which is opaque. Rays are traced
     that meet the meshes' bounding sphere.
