@@ -99,11 +99,9 @@ class RoamingRenderer(Owner):
                 DEFAULT_EFFORT.floor_rays,
             )  # fmt: skip
         if background is not None:
-            opaque = np.full(3, np.nan, np.float32)
             show_map(
-                self._surfaces, camera.eye.astype(np.float32),
-                np.ascontiguousarray(background.radiance), ground if through_ground else opaque,
-                picture,
+                self._surfaces, camera.eye, background.radiance,
+                ground if through_ground else None, picture,
             )  # fmt: skip
         return picture
 

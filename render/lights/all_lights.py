@@ -31,3 +31,13 @@ def level_irradiance(directions: Array, irradiance: Array, radius_rad: Array) ->
     return np.asarray(
         (2 * irradiance_curves(radius_rad)[:, 0] * directions[:, 1]) @ irradiance, np.float64
     )
+
+
+def unshaded_ground(
+    scene: Scene, directions: Array, irradiance: Array, radius_rad: Array
+) -> NDArray[np.float32]:
+    """Return the radiance (3,) of a scene's ground where nothing shades it; 0 without a ground."""
+    if scene.ground is None:
+        return np.zeros(3, np.float32)
+    received = level_irradiance(directions, irradiance, radius_rad)
+    return (received * scene.ground.reflectance / np.pi).astype(np.float32)

@@ -14,6 +14,10 @@ from lighting.maps.environment import EnvironmentMap
 from render.lights.discs import Discs
 from render.lights.narrow_lights import PEAK_RAD, narrow_lights
 
+ROUGH_ALPHA = 0.2
+"""GGX width of a lobe from which on lights, with their shadows, stand for the map as well as a few
+rays of each picture do."""
+
 
 def without_peaks(environment: EnvironmentMap, lights: Discs) -> tuple[EnvironmentMap, Discs]:
     """Return a map without the narrow lights among some, and these with what they had in it.

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from render.lights.map_places import place_on_map
 from render.lights.map_pyramid import MapPyramid, mean_over
+from render.lights.peaks import ROUGH_ALPHA
 from render.rays.embree import PACKET, coherent16, occluded16_address, packet
 from render.rays.lobe import lobe_points, lobe_rays
 from render.rays.surface_rows import (
@@ -33,9 +34,6 @@ from render.rays.surface_rows import (
 from render.rays.traced_scene import TracedScene
 
 _FLOATS = NDArray[np.float32]
-
-ROUGH_ALPHA = 0.2
-"""GGX width of a lobe from which on a few dozen lights stand for the map as well as rays do."""
 
 _RAYS = 12
 _FEW_RAYS = 4

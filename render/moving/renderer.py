@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from lighting.light_set import LightSet
 from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
-from render.lights.all_lights import all_lights, level_irradiance
+from render.lights.all_lights import all_lights, unshaded_ground
 from render.lights.discs import Discs
 from render.lights.map_pyramid import map_pyramid
-from render.lights.peaks import without_peaks
-from render.moving.reflected_map import ROUGH_ALPHA, add_reflected_map
+from render.lights.peaks import ROUGH_ALPHA, without_peaks
+from render.moving.reflected_map import add_reflected_map
 from render.moving.shared_rays import DEFAULT_EFFORT, Effort, SharedRays
 from render.moving.surroundings import mark_surfaces, show_map
 from render.owner import Owner
@@ -87,7 +87,9 @@ class MovingRenderer(Owner):
         picture = np.empty((height, width, 4), np.float32)
         mark_surfaces(self._surfaces, picture)
         discs = self._discs(lights)
-        ground = self._unshaded(discs)
+        ground = unshaded_ground(
+            self._traced.scene, discs.directions, discs.irradiance, discs.radius_rad
+        )
         floor = None
         if background is not None and through_ground:
             floor = seen_ground(background, ground)
@@ -108,11 +110,9 @@ class MovingRenderer(Owner):
             shade = open_floor(self._traced, FEW_CELLS)
             add_floor_light(self._traced, self._surfaces, floor, shade, picture, self._floor_rays)
         if background is not None:
-            opaque = np.full(3, np.nan, np.float32)
             show_map(
-                self._surfaces, self._camera.eye.astype(np.float32),
-                np.ascontiguousarray(background.radiance), ground if through_ground else opaque,
-                picture,
+                self._surfaces, self._camera.eye, background.radiance,
+                ground if through_ground else None, picture,
             )  # fmt: skip
         n = self._samples_per_axis
         samples = picture.reshape(height // n, n, width // n, n, 4)
@@ -130,11 +130,3 @@ class MovingRenderer(Owner):
         """Return the lights that reach the scene, a fill's dome among them."""
         directions, irradiance, radius_rad = all_lights(lights, self._traced.scene)
         return Discs(directions, irradiance, radius_rad, irradiance)
-
-    def _unshaded(self, lights: Discs) -> NDArray[np.float32]:
-        """Return the radiance (3,) of the ground where nothing shades it."""
-        ground = self._traced.scene.ground
-        if ground is None:
-            return np.zeros(3, np.float32)
-        upward = level_irradiance(lights.directions, lights.irradiance, lights.radius_rad)
-        return (upward * ground.reflectance / np.pi).astype(np.float32)

@@ -33,19 +33,35 @@ def mark_surfaces(surfaces: _FLOATS, picture: _FLOATS) -> None:  # pragma: no co
                 picture[line, column, 3] = np.float32(kinds[1 + column // SIDE] != NOTHING)
 
 
-@njit(cache=True, nogil=True, parallel=True, error_model="numpy")
 def show_map(
+    surfaces: _FLOATS,
+    eye: NDArray[np.float64],
+    radiance: _FLOATS,
+    unshaded: _FLOATS | None,
+    picture: _FLOATS,
+) -> None:
+    """Set pixels to a map (N, 2N, 3) where nothing is seen, and those of the ground through it.
+
+    The ground's are what the map shows there, in the shadow that they are in, as
+    `background.look_through` has it; `unshaded` (3,) is the ground's radiance without shadow, None
+    where it is to stay.
+    """
+    opaque = np.full(3, np.nan, np.float32)
+    _show_map(
+        surfaces, eye.astype(np.float32), np.ascontiguousarray(radiance),
+        opaque if unshaded is None else unshaded, picture,
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, parallel=True, error_model="numpy")
+def _show_map(
     surfaces: _FLOATS,
     eye: _FLOATS,
     radiance: _FLOATS,
     unshaded: _FLOATS,
     picture: _FLOATS,
 ) -> None:  # pragma: no cover - compiled
-    """Set pixels to a map (N, 2N, 3) where nothing is seen, and those of the ground through it.
-
-    The ground's are what the map shows there, in the shadow that they are in, as
-    `background.look_through` has it; `unshaded` (3,) is NaN where the ground is to stay.
-    """
+    """Do what `show_map` does; `unshaded` is NaN where the ground is to stay."""
     for line in prange(picture.shape[0]):
         for side in range(SIDE):
             seen = surfaces[1 + line // SIDE, SIDE * (line % SIDE) + side]

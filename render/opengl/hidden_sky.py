@@ -13,10 +13,9 @@ from render.opengl.context import load_program, release, set_uniforms
 from render.opengl.gbuffer import GBuffer
 from render.rays.embree import Occluders
 from render.rays.hidden_sky import COUNT, hidden_sky
+from render.rays.traced_scene import OFFSET
 from render.scenes.scene import Material, Mesh, Scene
 from render.scenes.triangle_tables import gather_geometry
-
-_OFFSET = 1e-4  # of the triangles' radius
 
 
 class HiddenSky:
@@ -89,7 +88,7 @@ def _hidden(scene: Scene, rough_alpha: float) -> list[NDArray[np.float32]]:
     with Occluders(geometry.positions, geometry.faces) as occluders:
         for k, mesh in enumerate(scene.meshes):
             if _mirrors(mesh.material, rough_alpha):
-                offset_m = _OFFSET * geometry.radius_m
+                offset_m = OFFSET * geometry.radius_m
                 hidden[k] = hidden_sky(occluders, mesh.positions, mesh.normals, offset_m)
     return hidden
 

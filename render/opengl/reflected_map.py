@@ -13,15 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.maps.environment import EnvironmentMap
+from render.lights.peaks import ROUGH_ALPHA
 from render.opengl.context import load_program, release, set_uniforms
 from render.opengl.gbuffer import GBuffer
 from render.opengl.hidden_sky import HiddenSky
 from render.scenes.scene import Scene
 
 Array = NDArray[np.float64]
-
-ROUGH_ALPHA = 0.2
-"""GGX width of a lobe from which on the lights, with their shadows, stand for the map."""
 
 _RAYS, _FEW_RAYS = 12, 4
 _LEAST_OCTAVE = 2  # the coarsest map has 4 rows
@@ -61,7 +59,10 @@ class ReflectedMap:
         set_uniforms(self._mirror_program, eye=eye)
 
     def add(
-        self, target: moderngl.Framebuffer, environment: EnvironmentMap, ground: Array | None
+        self,
+        target: moderngl.Framebuffer,
+        environment: EnvironmentMap,
+        ground: NDArray[np.floating] | None,
     ) -> None:
         """Add what is mirrored of a map to `target`.
 

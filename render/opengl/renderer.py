@@ -19,14 +19,14 @@ from numpy.typing import NDArray
 from capture.errors import InputError
 from lighting.light_set import LightSet
 from lighting.maps.environment import LUMINANCE_WEIGHTS, EnvironmentMap
-from render.lights.all_lights import level_irradiance
+from render.lights.all_lights import unshaded_ground
 from render.lights.discs import Discs
 from render.lights.dome import dome_lights
-from render.lights.peaks import without_peaks
+from render.lights.peaks import ROUGH_ALPHA, without_peaks
 from render.lights.reaching_lights import reaching_lights
 from render.opengl.context import load_program, release, set_uniforms
 from render.opengl.gbuffer import GBuffer
-from render.opengl.reflected_map import ROUGH_ALPHA, ReflectedMap
+from render.opengl.reflected_map import ReflectedMap
 from render.opengl.shading import LightPass
 from render.opengl.shadows import ATLAS_SIDE_PX, ShadowAtlas, texel_width
 from render.owner import Owner
@@ -197,7 +197,7 @@ class Renderer(Owner):
                 self._context, self._scene, self._gbuffer, self._camera.eye
             )
             with timed("reflections"):
-                self._reflected_map.add(self.framebuffer, rest, self._unshaded(discs))
+                self._reflected_map.add(self.framebuffer, rest, self._ground(discs))
             rough_alpha = ROUGH_ALPHA
         reaching, dome = discs.taken(slice(dome_count, None)), discs.taken(slice(dome_count))
         power = reaching.irradiance @ LUMINANCE_WEIGHTS
@@ -258,13 +258,11 @@ class Renderer(Owner):
         count = len(dome[0][0]) if dome else 0
         return Discs(directions, irradiance, radius_rad, irradiance), count
 
-    def _unshaded(self, lights: Discs) -> Array | None:
+    def _ground(self, lights: Discs) -> NDArray[np.float32] | None:
         """Return the radiance (3,) of the ground where nothing shades it; None without a ground."""
-        ground = self._scene.ground
-        if ground is None:
+        if self._scene.ground is None:
             return None
-        received = level_irradiance(lights.directions, lights.irradiance, lights.radius_rad)
-        return received * ground.reflectance / np.pi
+        return unshaded_ground(self._scene, lights.directions, lights.irradiance, lights.radius_rad)
 
     def _aim_background(self) -> None:
         across, up = self._camera.half_extent()

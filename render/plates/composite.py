@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from capture.errors import InputError
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
-from render.lights.all_lights import all_lights, level_irradiance
+from render.lights.all_lights import all_lights, unshaded_ground
 from render.moving.renderer import MovingRenderer
 from render.moving.shared_rays import Effort
 from render.output.view import roll_off
@@ -124,9 +124,8 @@ def _surfaces_and_floor(
 
     Between them the light that the ground sends to those samples (M, 3) that show objects.
     """
-    assert scene.ground is not None
     discs = all_lights(lights, scene)
-    unshaded = (level_irradiance(*discs) * scene.ground.reflectance / np.pi).astype(np.float32)
+    unshaded = unshaded_ground(scene, *discs)
     width, height = camera.size_px
     surfaces = empty_surfaces(camera.size_px)
     picture = np.zeros((height, width, 4), np.float32)

@@ -14,7 +14,8 @@ from render.scenes.triangle_tables import gather_appearance, gather_geometry
 
 _FLOATS = NDArray[np.float32]
 
-_OFFSET = 1e-4  # of the triangles' radius
+OFFSET = 1e-4
+"""Of the triangles' radius: how far off a surface rays from it start."""
 
 
 class TracedScene:
@@ -40,7 +41,7 @@ class TracedScene:
     @property
     def offset_m(self) -> float:
         """How far off a surface rays from it start."""
-        return _OFFSET * self.geometry.radius_m
+        return OFFSET * self.geometry.radius_m
 
     def release(self) -> None:
         """Free Embree's memory."""

@@ -38,6 +38,7 @@ from render.reference.surfaces import (
     FIELDS,
     HIT,
     NORMAL,
+    OFFSET,
     Floats,
     Tables,
     find_surfaces,
@@ -53,7 +54,6 @@ SAMPLES_PER_AXIS = 2
 VERTEX_RAYS = SAMPLES_PER_AXIS**2 * RAYS
 """Rays of a vertex: as many as of a pixel."""
 
-_OFFSET = 2e-5  # of the meshes' radius, as in surfaces.py
 _GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 
 
@@ -176,7 +176,7 @@ def _look_from_vertices(
     openness: Floats,
 ) -> None:  # pragma: no cover - compiled
     """Set A of every vertex, (V,)."""
-    count, offset_m = len(openness), np.float32(_OFFSET) * tables.sphere[3]
+    count, offset_m = len(openness), np.float32(OFFSET) * tables.sphere[3]
     for part in prange((count + PACKET - 1) // PACKET):
         rays, traced = packet()
         surface = np.zeros((FIELDS, PACKET), np.float32)

@@ -29,7 +29,8 @@ FAR_M = np.float32(1e30)
 _DIELECTRIC_F0 = np.float32(0.04)  # refractive index 1.5, as in glTF
 _SMALLEST_ALPHA2 = np.float32(4e-6)  # as shade.frag has it
 _SMALLEST_N_V = np.float32(1e-4)
-_OFFSET = 2e-5  # of the meshes' radius: rays begin that far off their surface
+OFFSET = 2e-5
+"""Of the meshes' radius: rays begin that far off their surface."""
 _DECODED = srgb_decode(np.arange(256) / 255.0).astype(np.float32)
 
 
@@ -232,7 +233,7 @@ def _set_on_mesh(
         squared += normal * normal
     length = math.sqrt(squared)
     side = (np.float32(1) if agrees >= 0 else np.float32(-1)) / (length if length > 0 else 1)
-    offset = np.float32(_OFFSET) * tables.sphere[3]
+    offset = np.float32(OFFSET) * tables.sphere[3]
     for axis in range(3):
         out[NORMAL + axis, i] *= side
         if length == 0:  # they cancel
