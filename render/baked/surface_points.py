@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from render.rays.row_order import row_order
 from render.rays.surface_rows import (
     F0,
     F90,
@@ -139,7 +140,9 @@ def add_irradiance(
     unshaded : (3,) float32
         Irradiance of the ground beyond the grids.
     """
-    for line in prange(picture.shape[0]):
+    order = row_order(0, picture.shape[0])
+    for k in prange(len(order)):
+        line = order[k]
         row, light = 1 + line // SIDE, np.empty(3, np.float32)
         for x in range(SIDE):  # along a lane, whose pixels lie side by side
             seen = surfaces[row, SIDE * (line % SIDE) + x]

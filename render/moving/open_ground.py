@@ -14,6 +14,7 @@ from render.moving.light_weights import weigh_dull
 from render.moving.neighbours import find_turns, low
 from render.moving.shadow_rays import ALL_PASSES, LOOSE
 from render.rays.embree import PACKET
+from render.rays.row_order import row_order
 from render.rays.surface_rows import (
     FACE_NORMAL,
     FIELDS,
@@ -73,7 +74,9 @@ def weigh_on_ground(
     level = np.zeros((FIELDS, 1), np.float32)
     level[NORMAL + 1, 0] = level[FACE_NORMAL + 1, 0] = up
     weigh_dull(level, 0, lights, weights)
-    for row in prange(1, is_open.shape[0] - 1):
+    order = row_order(1, is_open.shape[0] - 1)
+    for k in prange(len(order)):
+        row = order[k]
         for first in range(1, is_open.shape[1] - 1, PACKET):
             if is_open[row - 1 : row + 2, first - 1 : first + PACKET + 1].any():
                 for lane in range(LANES):
@@ -117,7 +120,9 @@ def add_to_ground(
     `weights` and `weighed` are as `weigh_on_ground` sets them; `surfaces`, `keys` and `is_soft` as
     in `add_lights`.
     """
-    for row in prange(1, is_open.shape[0] - 1):
+    order = row_order(1, is_open.shape[0] - 1)
+    for k in prange(len(order)):
+        row = order[k]
         if not is_open[row].any():
             continue
         total = np.empty((3, is_open.shape[1]), np.float32)

@@ -19,6 +19,7 @@ from render.lights.map_pyramid import MapPyramid, mean_over
 from render.lights.peaks import ROUGH_ALPHA
 from render.rays.embree import PACKET, coherent16, occluded16_address, packet
 from render.rays.lobe import lobe_points, lobe_rays
+from render.rays.row_order import row_order
 from render.rays.surface_rows import (
     ALPHA2,
     F0,
@@ -89,7 +90,9 @@ def _add_reflected_map(
     picture: _FLOATS,
 ) -> None:  # pragma: no cover - compiled
     height, width = picture.shape[:2]
-    for row in prange(1, surfaces.shape[0] - 1):
+    order = row_order(1, surfaces.shape[0] - 1)
+    for k in prange(len(order)):
+        row = order[k]
         seen = np.empty((FIELDS, PACKET), np.float32)
         part = np.empty((_PLACE, PACKET), np.float32)
         mirrored = np.empty((3, PACKET), np.float32)

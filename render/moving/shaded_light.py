@@ -26,6 +26,7 @@ from render.moving.neighbours import (
 from render.moving.own_rays import ask_for_unknown
 from render.moving.shadow_rays import ALL_PASSES, LOOSE, UNKNOWN
 from render.rays.embree import PACKET, packet
+from render.rays.row_order import row_order
 from render.rays.surface_rows import FIELDS, GLOSSY, KIND, LANES, MATT, NORMAL, NOTHING, SIDE
 
 _FLOATS = NDArray[np.float32]
@@ -72,10 +73,11 @@ def add_lights(
         Surfaces from this α² on mirror all of a light's irradiance; smoother ones what its row
         MIRRORED says, because something else shows them the rest.
     """
-    for row in prange(1, surfaces.shape[0] - 1):
+    order = row_order(1, surfaces.shape[0] - 1)
+    for k in prange(len(order)):
         _add_row(
             function, scene, np.float32(offset_m), surfaces, is_open, keys, shared, lights, points,
-            is_soft, side, eye, np.float32(pixel_rad), np.float32(rough_alpha2), row, picture,
+            is_soft, side, eye, np.float32(pixel_rad), np.float32(rough_alpha2), order[k], picture,
         )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from render.rays.embree import PACKET, coherent16, occluded16, packet
+from render.rays.row_order import row_order
 from render.rays.surface_rows import (
     FACE_NORMAL,
     FIELDS,
@@ -94,8 +95,9 @@ def trace_lights(
     shared : (rows, LANES, columns, slots) uint8
         Of the lights whose turn a pixel is, in parts of `ALL_PASSES`.
     """
-    for square in prange((surfaces.shape[0] - 2) // SIDE):
-        first_row = 1 + SIDE * square
+    squares = row_order(0, (surfaces.shape[0] - 2) // SIDE)
+    for k in prange(len(squares)):
+        first_row = 1 + SIDE * squares[k]
         for row in range(first_row, first_row + SIDE):
             _trace_keys(
                 function, scene, sphere, np.float32(offset_m), surfaces, lights, points, key_rays,

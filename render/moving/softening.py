@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from render.moving.neighbours import compare, load_packet
 from render.moving.shadow_rays import LOOSE, UNKNOWN
 from render.rays.embree import PACKET
+from render.rays.row_order import row_order
 from render.rays.surface_rows import FIELDS, LANES, SIDE
 
 _FLOATS = NDArray[np.float32]
@@ -31,8 +32,9 @@ def soften(
     softened: _BYTES,
 ) -> None:  # pragma: no cover - compiled
     """Fill `softened` with means of `shared` over like pixels of a lane; UNKNOWN without any."""
-    for row in prange(1, surfaces.shape[0] - 1):
-        _soften_row(surfaces, is_open, shared, eye, np.float32(pixel_rad), row, softened)
+    order = row_order(1, surfaces.shape[0] - 1)
+    for k in prange(len(order)):
+        _soften_row(surfaces, is_open, shared, eye, np.float32(pixel_rad), order[k], softened)
 
 
 @njit(nogil=True, error_model="numpy")

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from render.lights.map_places import angle_of
 from render.rays.background import between, corners_of
+from render.rays.row_order import row_order
 from render.rays.surface_rows import GROUND, KIND, NOTHING, POSITION, SIDE
 
 _FLOATS = NDArray[np.float32]
@@ -62,7 +63,9 @@ def _show_map(
     picture: _FLOATS,
 ) -> None:  # pragma: no cover - compiled
     """Do what `show_map` does; `unshaded` is NaN where the ground is to stay."""
-    for line in prange(picture.shape[0]):
+    order = row_order(0, picture.shape[0])
+    for k in prange(len(order)):
+        line = order[k]
         for side in range(SIDE):
             seen = surfaces[1 + line // SIDE, SIDE * (line % SIDE) + side]
             for column in range(side, picture.shape[1], SIDE):

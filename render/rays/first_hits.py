@@ -11,6 +11,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from render.rays.embree import coherent16, hit_packet
+from render.rays.row_order import row_order
 from render.rays.surface_rows import (
     ALPHA2,
     F0,
@@ -67,10 +68,11 @@ def find_surfaces(
     positions, attributes, faces, mesh_of_face, factors, textures, texels
         As in `Geometry` and `Appearance`.
     """
-    for row in prange(1, surfaces.shape[0] - 1):
+    order = row_order(1, surfaces.shape[0] - 1)
+    for k in prange(len(order)):
         _find_row(
             function, scene, sphere, view, ground, positions, attributes, faces, mesh_of_face,
-            factors, textures, texels, row, surfaces,
+            factors, textures, texels, order[k], surfaces,
         )  # fmt: skip
 
 

@@ -19,6 +19,7 @@ from lighting.sphere import harmonics
 from render.lights.dome import dome_lights
 from render.rays.disc_net import disc_net
 from render.rays.embree import PACKET, occluded16, occluded16_address, packet
+from render.rays.row_order import row_order
 from render.rays.surface_rows import DULL, FACE_NORMAL, KIND, LANES, MATT, NORMAL, SIDE
 from render.rays.tangent_frame import tangent_frame
 from render.rays.traced_scene import TracedScene
@@ -159,7 +160,9 @@ def _look_down(
     picture: _FLOATS,
 ) -> None:  # pragma: no cover - compiled
     height, width = picture.shape[:2]
-    for row in prange(1, surfaces.shape[0] - 1):
+    order = row_order(1, surfaces.shape[0] - 1)
+    for k in prange(len(order)):
+        row = order[k]
         rays, valid = packet()
         received = np.empty((3, PACKET), np.float32)
         for tile in range(1, surfaces.shape[3] - 1):

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from render.rays.embree import Occluders, intersect16_address, occluded16_address
+from render.rays.row_order import row_order
 from render.reference.accumulation import Progress, accumulate, mean_and_variance, nothing_yet
 from render.reference.emitters import draw_pool, emitters_of
 from render.reference.irradiance import irradiance_of
@@ -34,7 +35,6 @@ POOL = 1 << 16
 
 _RAYS = Rays(side=2, light=16, lobe=4)
 _MOST_LIGHT = 256
-_GOLDEN = 0.6180339887498949
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +94,7 @@ def render_reference(
     """
     tables = scene_tables(scene)
     emitters = emitters_of(light, above_horizon=scene.ground is not None)
-    rows = np.arange(-(-camera.size_px[1] // SIDE))
-    rows = rows[np.argsort(rows * _GOLDEN % 1)]
+    rows = row_order(0, -(-camera.size_px[1] // SIDE))
     view = view_of(camera)
     with Occluders(tables.positions, tables.faces) as occluders:
         functions = intersect16_address(), occluded16_address()
