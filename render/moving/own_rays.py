@@ -23,15 +23,18 @@ def ask_for_unknown(
     points: _FLOATS,
     weights: _FLOATS,
     start: int,
+    turns: int,
+    lacking: np.float32,
     turn: int,
     known: _BYTES,
     seen: _BYTES,
     rays: _FLOATS,
     valid: NDArray[np.int32],
 ) -> None:  # pragma: no cover - compiled
-    """Trace one ray of pixel `i` to each light that is not `known`; then all that shine on it are.
+    """Trace a ray of pixel `i` to lights not `known`, strongest first, until enough are.
 
-    Lights are those from `start` on; `weights` are as in `light_weights`.
+    Lights are those from `start` on, in `turns`; `weights` are as in `light_weights`. Enough is
+    when all those traced have weighed as much as is `lacking`, or all are known that shine on it.
 
     Which of a light's points is asked follows from `turn` of the pixel. What is `seen` of a light
     is set to 0 or ALL_PASSES.
@@ -40,13 +43,15 @@ def ask_for_unknown(
         rays[axis, :] = part[POSITION + axis, i] + offset_m * part[FACE_NORMAL + axis, i]
     fx, fy, fz = part[FACE_NORMAL, i], part[FACE_NORMAL + 1, i], part[FACE_NORMAL + 2, i]
     asked = np.empty(PACKET, np.int64)
-    light, count = 0, len(known)
-    while light < count:
+    step, count = 0, len(known)
+    while step < count and lacking > 0:
         valid[:] = 0
         ray = 0
-        while light < count and ray < PACKET:
+        while step < count and ray < PACKET:
+            light = step % turns * (count // turns) + step // turns
             at = start + light
-            if not known[light] and weights[0, at] + weights[1, at] + weights[2, at] > 0:
+            weight = weights[0, at] + weights[1, at] + weights[2, at]
+            if not known[light] and weight > 0:
                 which = (turn + at) % POINTS
                 dx, dy, dz = points[at, which, 0], points[at, which, 1], points[at, which, 2]
                 below = np.float32(2) * min(dx * fx + dy * fy + dz * fz, np.float32(0))
@@ -55,8 +60,9 @@ def ask_for_unknown(
                 rays[6, ray] = dz - below * fz
                 rays[8, ray] = _FAR_M
                 valid[ray], asked[ray] = -1, light
+                lacking -= weight
                 ray += 1
-            light += 1
+            step += 1
         occluded16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
         for k in range(ray):
             known[asked[k]] = 1

@@ -33,6 +33,7 @@ _FLOATS = NDArray[np.float32]
 _BYTES = NDArray[np.uint8]
 _FLAGS = NDArray[np.bool_]
 _LEAST_KNOWN = np.float32(0.5)  # of the light without shadow; below that a pixel asks for itself
+_ENOUGH_KNOWN = np.float32(0.8)  # of it, when it has asked
 _SHARE = np.float32(1 / ALL_PASSES)
 
 
@@ -226,22 +227,41 @@ def _shared(
 ) -> tuple[Any, ...]:  # pragma: no cover - compiled
     """Return the sums (3) of a pixel that knows of some lights only what share gets through."""
     known = np.empty(len(seen), np.uint8)
-    per_turn = len(seen) // len(near_of)
-    for k in range(len(seen)):
-        known[k] = np.uint8(like[near_of[k // per_turn], i] > 0 and seen[k] != UNKNOWN)
-        seen[k] *= known[k]
-    rk, gk, bk = weighed_sum(weights, key_count, known)
-    rt = gt = bt = np.float32(0)
-    for k in range(key_count, weights.shape[1]):
-        rt, gt, bt = rt + weights[0, k], gt + weights[1, k], bt + weights[2, k]
-    if rk + gk + bk < _LEAST_KNOWN * (rt + gt + bt):
+    _tell_known(near_of, like, i, seen, known)
+    first, zero = np.uint64(key_count), np.float32(0)
+    rt = gt = bt = rk = gk = bk = rs = gs = bs = zero
+    for k in range(np.uint64(len(seen))):
+        red, green, blue = weights[0, first + k], weights[1, first + k], weights[2, first + k]
+        is_known, passes = np.float32(known[k]), np.float32(seen[k])
+        rt, gt, bt = rt + red, gt + green, bt + blue
+        rk, gk, bk = rk + is_known * red, gk + is_known * green, bk + is_known * blue
+        rs, gs, bs = rs + passes * red, gs + passes * green, bs + passes * blue
+    total, told = rt + gt + bt, rk + gk + bk
+    if told < _LEAST_KNOWN * total:
         ask_for_unknown(
-            function, scene, offset_m, part, i, points, weights, key_count, turn, known, seen,
-            rays, valid,
+            function, scene, offset_m, part, i, points, weights, key_count, len(near_of),
+            _ENOUGH_KNOWN * total - told, turn, known, seen, rays, valid,
         )  # fmt: skip
         rk, gk, bk = weighed_sum(weights, key_count, known)
-    rs, gs, bs = weighed_sum(weights, key_count, seen)
-    r = _SHARE * rt * rs / rk if rk > 0 else np.float32(0)
-    g = _SHARE * gt * gs / gk if gk > 0 else np.float32(0)
-    b = _SHARE * bt * bs / bk if bk > 0 else np.float32(0)
+        rs, gs, bs = weighed_sum(weights, key_count, seen)
+    r = _SHARE * rt * rs / rk if rk > 0 else zero
+    g = _SHARE * gt * gs / gk if gk > 0 else zero
+    b = _SHARE * bt * bs / bk if bk > 0 else zero
     return r, g, b
+
+
+@njit(nogil=True, error_model="numpy")
+def _tell_known(
+    near_of: NDArray[np.int64], like: _FLOATS, i: int, seen: _BYTES, known: _BYTES
+) -> None:  # pragma: no cover - compiled
+    """Set `known` to 1 for lights that neighbours on the surface of pixel `i` know, `seen` else 0."""
+    per_turn = np.uint64(len(seen) // len(near_of))
+    at = np.uint64(0)
+    for near in near_of:
+        is_like = np.uint8(like[near, i] > 0)
+        for slot in range(per_turn):
+            known[at + slot] = is_like
+        at += per_turn
+    for k in range(np.uint64(len(seen))):
+        known[k] = known[k] if seen[k] != UNKNOWN else np.uint8(0)
+        seen[k] = seen[k] if known[k] else np.uint8(0)

@@ -61,7 +61,7 @@ def trace_lights(
     lights: _FLOATS,
     points: _FLOATS,
     key_rays: NDArray[np.int64],
-    is_narrow: NDArray[np.bool_],
+    is_sparing: bool,
     side: int,
     is_staggered: bool,
     keys: _FLOATS,
@@ -84,8 +84,8 @@ def trace_lights(
         Directions, spread over each light's disc; multiples of POINTS are used of them.
     key_rays : (J,) int64
         Rays of a pixel to each key light.
-    is_narrow : (J,) bool
-        Whether the pixels of a tile that agree on a key light by one ray each send no others to it.
+    is_sparing : bool
+        Whether pixels of a tile that agree on a key light by one ray each send no others to it.
     side : int
         n: 1, 2 or 4.
     is_staggered : bool
@@ -101,7 +101,7 @@ def trace_lights(
         for row in range(first_row, first_row + SIDE):
             _trace_keys(
                 function, scene, sphere, np.float32(offset_m), surfaces, lights, points, key_rays,
-                is_narrow, row, keys,
+                is_sparing, row, keys,
             )  # fmt: skip
         _trace_turns(
             function, scene, sphere, np.float32(offset_m), surfaces, lights, points, keys.shape[2],
@@ -119,7 +119,7 @@ def _trace_keys(
     lights: _FLOATS,
     points: _FLOATS,
     key_rays: NDArray[np.int64],
-    is_narrow: NDArray[np.bool_],
+    is_sparing: bool,
     row: int,
     keys: _FLOATS,
 ) -> None:  # pragma: no cover - compiled
@@ -144,7 +144,7 @@ def _trace_keys(
                 for i in range(np.uint64(PACKET)):
                     share[i] += np.float32(rays[8, i] > 0)
                     blocked += rays[8, i] < 0
-                if ray == 0 and is_narrow[light] and blocked % PACKET == 0:
+                if ray == 0 and is_sparing and blocked % PACKET == 0:
                     share[:] *= count
                     break
             for lane in range(LANES):

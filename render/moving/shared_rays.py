@@ -60,9 +60,8 @@ class Effort:
         Least share of all light that makes one.
     key_rays : int
         Rays of a pixel to a key light that is no point; a power of 2.
-    narrow_rad : float
-        Radius below which pixels of a tile send a key light one ray each, and the others only if
-        these differ.
+    is_sparing : bool
+        Whether pixels of a tile send a key light one ray each, and the others only if these differ.
     soft_rad : float
         Radius from which on the penumbra of a key light is averaged over 4 × 4 pixels, being wider.
     is_softened : bool
@@ -76,7 +75,7 @@ class Effort:
     key_lights: int = 4
     key_share: float = 0.1
     key_rays: int = 4
-    narrow_rad: float = 0.03
+    is_sparing: bool = True
     soft_rad: float = 0.03
     is_softened: bool = True
     floor_rays: int = 16
@@ -130,7 +129,6 @@ class SharedRays:
         table[IRRADIANCE : MIRRORED + 3, chosen < 0] = 0.0
         radius_rad = lights.radius_rad[:keys]
         ray_count = np.where(radius_rad >= _POINT_RAD, key_rays, 1)
-        is_narrow = radius_rad < self._effort.narrow_rad
         is_soft = radius_rad >= self._effort.soft_rad
         net = disc_net(lights.directions, lights.radius_rad, POINTS * key_rays)
         net[keys:, :POINTS] = disc_net(lights.directions[keys:], lights.radius_rad[keys:], POINTS)
@@ -141,7 +139,7 @@ class SharedRays:
         function, seen_from = occluded16_address(), eye.astype(np.float32)
         trace_lights(
             function, traced.address, traced.sphere, traced.offset_m, surfaces, table, points,
-            ray_count, is_narrow, side, is_staggered, self._keys, self._shared,
+            ray_count, self._effort.is_sparing, side, is_staggered, self._keys, self._shared,
         )  # fmt: skip
         is_open, shared = open_ground(surfaces), self._shared
         if is_staggered:

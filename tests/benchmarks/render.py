@@ -121,7 +121,7 @@ def _moving(repeats: int) -> list[dict[str, Any]]:
     rows = []
     for name, lights in light_cases().items():
         every = Effort(
-            key_lights=LIGHT_COUNT, key_share=0.0, key_rays=16, narrow_rad=0.0, soft_rad=math.inf
+            key_lights=LIGHT_COUNT, key_share=0.0, key_rays=16, is_sparing=False, soft_rad=math.inf
         )
         with MovingRenderer(scene, camera, effort=every) as renderer:
             truth = renderer.render(lights)
@@ -150,7 +150,7 @@ def _roaming(repeats: int) -> list[dict[str, Any]]:
     around = [replace(camera, eye=camera.eye + 0.02 * step) for step in range(repeats)]
     rows = []
     every = Effort(
-        key_lights=LIGHT_COUNT, key_share=0.0, key_rays=16, narrow_rad=0.0, soft_rad=math.inf
+        key_lights=LIGHT_COUNT, key_share=0.0, key_rays=16, is_sparing=False, soft_rad=math.inf
     )
     matt = Material((0.6, 0.5, 0.4), specular=0.0)
     dull = replace(scene, meshes=tuple(replace(mesh, material=matt) for mesh in scene.meshes))

@@ -50,7 +50,7 @@ STEP_RAD = math.radians(2)
 COMPLETE = ("rays", "its own transport, and rays")
 """Ways that lack nothing of the picture."""
 WIDEST = 0.5  # of a cell, as in roaming.py
-EXACT = Effort(key_lights=128, key_share=0.0, key_rays=16, narrow_rad=0.0, soft_rad=math.inf)
+EXACT = Effort(key_lights=128, key_share=0.0, key_rays=16, is_sparing=False, soft_rad=math.inf)
 
 
 def run(repeats: int) -> list[dict[str, Any]]:

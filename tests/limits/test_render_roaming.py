@@ -25,7 +25,7 @@ from tests.render.light_sets import one_light, only_fill, uniform_fill
 
 MATT = Material((0.6, 0.6, 0.6), specular=0.0)
 GROUND = Ground(reflectance=(0.6, 0.6, 0.6))
-EVERY_PIXEL = Effort(key_lights=64, key_share=0.0, key_rays=16, narrow_rad=0.0, soft_rad=math.inf)
+EVERY_PIXEL = Effort(key_lights=64, key_share=0.0, key_rays=16, is_sparing=False, soft_rad=math.inf)
 
 
 def drawn(scene, camera, lights):

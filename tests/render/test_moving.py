@@ -24,7 +24,7 @@ MATT = Material((0.6, 0.5, 0.4), specular=0.0)
 BALL = SphereScene((0.0, 0.5, 0.0), 0.5, MATT, Ground(0.0, (0.5, 0.5, 0.5), 20))
 CAMERA = Camera(np.array([0.5, 3.0, 2.0]), np.array([0.0, 0.2, 0.0]), 0.8, (64, 64))
 INSIDE = away_from_outlines(BALL, CAMERA)
-EVERY_PIXEL = Effort(key_lights=64, key_share=0.0, key_rays=16, narrow_rad=0.0, soft_rad=math.inf)
+EVERY_PIXEL = Effort(key_lights=64, key_share=0.0, key_rays=16, is_sparing=False, soft_rad=math.inf)
 
 
 def meshed(scene: SphereScene) -> Scene:
