@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
+from render.baked.between_points import add_irradiance
 from render.baked.sky_cells import SkyCells, luminance_of_all
-from render.baked.surface_points import SurfacePoints, add_irradiance, surface_points
+from render.baked.surface_points import SurfacePoints, surface_points
 from render.baked.transport import Transport
 from render.baked.transport_kernel import TILE, trace_transport
 from render.lights.light_map import map_of_lights

@@ -26,9 +26,10 @@ from numpy.typing import NDArray
 
 from lighting.light_set import LightSet
 from lighting.maps.environment import LUMINANCE_WEIGHTS
+from render.baked.between_points import add_irradiance
 from render.baked.roaming import trace_points
 from render.baked.sky_cells import SkyCells
-from render.baked.surface_points import add_irradiance, surface_points
+from render.baked.surface_points import surface_points
 from render.lights.discs import Discs
 from render.lights.dome import dome_lights
 from render.lights.reaching_lights import reaching_lights

@@ -9,9 +9,10 @@ import pytest
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
 from render.baked import surface_points as points_module
+from render.baked.between_points import add_irradiance
 from render.baked.renderer import BakedRenderer
 from render.baked.roaming import RoamingRenderer
-from render.baked.surface_points import add_irradiance, surface_points
+from render.baked.surface_points import surface_points
 from render.moving.renderer import MovingRenderer
 from render.moving.shared_rays import Effort
 from render.rays.surface_rows import (
