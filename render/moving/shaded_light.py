@@ -108,9 +108,7 @@ def _add_row(
     of_keys = np.empty((key_count, PACKET), np.float32)
     seen = np.empty(lights.shape[1] - key_count, np.uint8)
     per_turn, columns = shared.shape[3], shared.shape[2]
-    in_fours = per_turn > 0 and per_turn % 4 == 0  # four bytes as one number
-    singles, seen_singles = _by_turns(shared, per_turn), _by_turns(seen, per_turn)
-    fours, seen_fours = _fours(shared, in_fours, per_turn), _fours(seen, in_fours, per_turn)
+    pairs, seen_pairs = _in_pairs(shared, per_turn), _in_pairs(seen, per_turn)
     near_of, places = np.empty(side * side, np.int64), np.empty(side * side, np.uint64)
     weights = np.empty((3, lights.shape[1]), np.float32)
     normals = np.zeros(6, np.float32)
@@ -138,10 +136,7 @@ def _add_row(
                 column, kind = SIDE * (first - 1 + i) + x, part[KIND, i]
                 if kind == NOTHING or open_there[i]:
                     continue
-                if in_fours:
-                    borrow(fours, places, first + i, seen_fours)
-                else:
-                    borrow(singles, places, first + i, seen_singles)
+                borrow(pairs, places, first + i, seen_pairs)
                 if kind == GLOSSY:
                     weigh_glossy(part, i, eye, lights, rough_alpha2, weights)
                 elif not _is_as(part, i, normals):
@@ -167,15 +162,10 @@ def _add_row(
 
 
 @njit(nogil=True, error_model="numpy")
-def _by_turns(seen: NDArray[Any], per_turn: int) -> NDArray[Any]:  # pragma: no cover - compiled
-    return seen.reshape(seen.size // max(per_turn, 1), max(per_turn, 1))
-
-
-@njit(nogil=True, error_model="numpy")
-def _fours(seen: NDArray[Any], exist: bool, per_turn: int) -> NDArray[Any]:  # pragma: no cover
-    """Return bytes (…, per_turn) four at a time, (…, per_turn // 4) uint32; none if not `exist`."""
-    numbers = seen.ravel()[: seen.size if exist else 0].view(np.uint32)
-    return _by_turns(numbers, per_turn // 4)
+def _in_pairs(seen: NDArray[Any], per_turn: int) -> NDArray[Any]:  # pragma: no cover - compiled
+    """Return bytes (…, per_turn) two at a time, (turns, per_turn // 2) uint16."""
+    pairs = max(per_turn // 2, 1)
+    return seen.ravel().view(np.uint16).reshape(seen.size // 2 // pairs, pairs)
 
 
 @njit(nogil=True, error_model="numpy")
@@ -254,7 +244,7 @@ def _shared(
 def _tell_known(
     near_of: NDArray[np.int64], like: _FLOATS, i: int, seen: _BYTES, known: _BYTES
 ) -> None:  # pragma: no cover - compiled
-    """Set `known` to 1 for lights that neighbours on the surface of pixel `i` know, `seen` else 0."""
+    """Set `known` to 1 for lights of which pixel `i` learns from its surface; `seen` else to 0."""
     per_turn = np.uint64(len(seen) // len(near_of))
     at = np.uint64(0)
     for near in near_of:

@@ -183,13 +183,14 @@ def _trace_turns(
             for slot in range(per_turn):
                 light = key_count + slot + per_turn * turn
                 _aim(points, light, 0, 1, column, y // side, SIDE // side, rays)
-                if _select(part, sphere, lights, light, rays, valid):
+                shines = lights[IRRADIANCE : IRRADIANCE + 3, light].max() > 0
+                if shines and _select(part, sphere, lights, light, rays, valid):
                     if is_staggered:  # to wide lights, from far apart: they soon part
                         occluded16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
                     else:
                         coherent16(function, valid.ctypes.data, scene, rays.ctypes.data)  # type: ignore[call-arg]
                 for i in range(PACKET):
-                    passes = np.uint8(ALL_PASSES * (rays[8, i] > 0))
+                    passes = np.uint8(ALL_PASSES * (not shines or rays[8, i] > 0))
                     down, right = tile_of(i, apart)
                     shared[row + down, lane, first + right, slot] = passes
 

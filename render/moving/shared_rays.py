@@ -43,7 +43,7 @@ _FLOATS = NDArray[np.float32]
 
 _POINT_RAD = 1e-3
 _WIDE_RAD = 0.03
-_SLOTS = 4  # the kernels move so many lights at once, where there are as many
+_PAIR = 2  # the kernels move so many lights at once
 
 
 @dataclass(frozen=True)
@@ -171,9 +171,7 @@ def take_turns(count: int, keys: int, side: int) -> tuple[int, NDArray[np.int64]
     Turns get lights of any power alike: of each side² in a row, one. −1 stands for none.
     """
     turns = side * side
-    per_turn = -(-(count - keys) // turns)
-    if per_turn >= _SLOTS:
-        per_turn = _SLOTS * -(-per_turn // _SLOTS)
+    per_turn = _PAIR * -(-(count - keys) // (_PAIR * turns))
     chosen = keys + np.arange(per_turn * turns).reshape(per_turn, turns).T.ravel()
     chosen[chosen >= count] = -1
     return per_turn, np.concatenate([np.arange(keys), chosen])
