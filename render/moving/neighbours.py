@@ -46,7 +46,7 @@ def low(x: int) -> int:  # pragma: no cover - compiled
 @njit(nogil=True, error_model="numpy")
 def find_turns(x: int, y: int, side: int, near_of: NDArray[np.int64]) -> None:  # pragma: no cover
     """Set which pixel of the 4 × 4 around has each turn, the nearest if there are several."""
-    for turn in range(side * side):
+    for turn in range(len(near_of)):
         best = 100
         for near in range(LANES):
             dx, dy = near % SIDE + low(x), near // SIDE + low(y)

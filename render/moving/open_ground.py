@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from render.moving.light_weights import weigh_dull
 from render.moving.neighbours import find_turns, low
-from render.moving.shadow_rays import ALL_PASSES, LOOSE
+from render.moving.shadow_rays import ALL_PASSES, LOOSE, turn_of
 from render.rays.embree import PACKET
 from render.rays.row_order import row_order
 from render.rays.surface_rows import (
@@ -80,9 +80,9 @@ def weigh_on_ground(
         for first in range(1, is_open.shape[1] - 1, PACKET):
             if is_open[row - 1 : row + 2, first - 1 : first + PACKET + 1].any():
                 for lane in range(LANES):
-                    turn = lane // SIDE % side * side + lane % SIDE % side
-                    start = key_count + turn * shared.shape[3]
-                    _weigh(shared, row, lane, first, weights, start, weighed)
+                    start = key_count + turn_of(lane, side) * shared.shape[3]
+                    if start < lights.shape[1]:
+                        _weigh(shared, row, lane, first, weights, start, weighed)
 
 
 @njit(nogil=True, fastmath=LOOSE, error_model="numpy")
@@ -113,12 +113,13 @@ def add_to_ground(
     weighed: _FLOATS,
     is_soft: _FLAGS,
     side: int,
+    turns: int,
     picture: _FLOATS,
 ) -> None:  # pragma: no cover - compiled
     """Add radiance to the pixels of `picture` (H, W, 4) that lie in open tiles.
 
-    `weights` and `weighed` are as `weigh_on_ground` sets them; `surfaces`, `keys` and `is_soft` as
-    in `add_lights`.
+    `weights` and `weighed` are as `weigh_on_ground` sets them, of lights in so many `turns`;
+    `surfaces`, `keys` and `is_soft` as in `add_lights`.
     """
     order = row_order(1, is_open.shape[0] - 1)
     for k in prange(len(order)):
@@ -126,7 +127,7 @@ def add_to_ground(
         if not is_open[row].any():
             continue
         total = np.empty((3, is_open.shape[1]), np.float32)
-        near_of = np.empty(side * side, np.int64)
+        near_of = np.empty(turns, np.int64)
         for lane in range(LANES):
             x, y = lane % SIDE, lane // SIDE
             line = SIDE * (row - 1) + y

@@ -109,7 +109,8 @@ def _add_row(
     seen = np.empty(lights.shape[1] - key_count, np.uint8)
     per_turn, columns = shared.shape[3], shared.shape[2]
     pairs, seen_pairs = _in_pairs(shared, per_turn), _in_pairs(seen, per_turn)
-    near_of, places = np.empty(side * side, np.int64), np.empty(side * side, np.uint64)
+    turns = len(seen) // max(per_turn, 1)
+    near_of, places = np.empty(turns, np.int64), np.empty(turns, np.uint64)
     weights = np.empty((3, lights.shape[1]), np.float32)
     normals = np.zeros(6, np.float32)
     rays, valid = packet()

@@ -79,7 +79,8 @@ def trace_lights(
         How far off their surface rays start.
     surfaces : (rows, LANES, FIELDS, columns) float32
     lights : (WIDTH, K) float32
-        First the key lights, then those of each turn, as many in every turn.
+        First the key lights, then those of each turn, as many in every turn; there may be fewer
+        turns than pixels that take them.
     points : (K, S, 3) float32
         Directions, spread over each light's disc; multiples of POINTS are used of them.
     key_rays : (J,) int64
@@ -174,14 +175,16 @@ def _trace_turns(
         return
     for lane in range(LANES):
         x, y = lane % SIDE, SIDE * row + lane // SIDE
-        turn = y % side * side + x % side
+        start = key_count + turn_of(lane, side) * per_turn
+        if start >= lights.shape[1]:
+            continue
         for first in range(1, surfaces.shape[3] - 1, apart * SIDE):
             if not _load_tiles(surfaces, row, lane, first, apart, part):
                 continue
             _start(part, offset_m, rays)
             column = (SIDE * (first // apart) + x) // side
             for slot in range(per_turn):
-                light = key_count + slot + per_turn * turn
+                light = start + slot
                 _aim(points, light, 0, 1, column, y // side, SIDE // side, rays)
                 shines = lights[IRRADIANCE : IRRADIANCE + 3, light].max() > 0
                 if shines and _select(part, sphere, lights, light, rays, valid):
@@ -193,6 +196,12 @@ def _trace_turns(
                     passes = np.uint8(ALL_PASSES * (not shines or rays[8, i] > 0))
                     down, right = tile_of(i, apart)
                     shared[row + down, lane, first + right, slot] = passes
+
+
+@njit(nogil=True, error_model="numpy")
+def turn_of(lane: int, side: int) -> int:  # pragma: no cover - compiled
+    """Return whose turn it is, of side² pixels: that of the lights that pixels of a lane ask."""
+    return lane // SIDE % side * side + lane % SIDE % side
 
 
 @njit(nogil=True, error_model="numpy")

@@ -125,6 +125,7 @@ class SharedRays:
         keys = min(strong, self._effort.key_lights) if each.any() else 0
         side, key_rays = self._effort.interleaving, self._effort.key_rays
         per_turn, chosen = take_turns(len(lights), keys, side)
+        turns = (len(chosen) - keys) // max(per_turn, 1)
         table = np.take(_light_table(lights), chosen, axis=1)
         table[IRRADIANCE : MIRRORED + 3, chosen < 0] = 0.0
         radius_rad = lights.radius_rad[:keys]
@@ -143,12 +144,14 @@ class SharedRays:
         )  # fmt: skip
         is_open, shared = open_ground(surfaces), self._shared
         if is_staggered:
-            soften(surfaces, is_open, shared, seen_from, pixel_rad, self._softened)
+            soften(surfaces, is_open, shared, seen_from, pixel_rad, side, turns, self._softened)
             shared = self._softened
         ground, weights = traced.scene.ground, np.empty((3, table.shape[1]), np.float32)
         up = 1.0 if ground is not None and eye[1] > ground.y_m else -1.0
         weigh_on_ground(is_open, shared, table, keys, side, up, weights, self._weighed)
-        add_to_ground(is_open, surfaces, self._keys, weights, self._weighed, is_soft, side, picture)
+        add_to_ground(
+            is_open, surfaces, self._keys, weights, self._weighed, is_soft, side, turns, picture
+        )
         add_lights(
             function, traced.address, traced.offset_m, surfaces, is_open, self._keys, shared,
             table, points, is_soft, side, seen_from, pixel_rad, rough_alpha2, picture,
@@ -168,9 +171,10 @@ class SharedRays:
 def take_turns(count: int, keys: int, side: int) -> tuple[int, NDArray[np.int64]]:
     """Return how many lights have each turn, and which: the keys, then those of every turn.
 
-    Turns get lights of any power alike: of each side² in a row, one. −1 stands for none.
+    Turns get lights of any power alike: of each side² in a row, one. −1 stands for none; there are
+    no turns without a light.
     """
-    turns = side * side
+    turns = max(min(side * side, count - keys), 1)
     per_turn = _PAIR * -(-(count - keys) // (_PAIR * turns))
     chosen = keys + np.arange(per_turn * turns).reshape(per_turn, turns).T.ravel()
     chosen[chosen >= count] = -1

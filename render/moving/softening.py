@@ -11,7 +11,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from render.moving.neighbours import compare, load_packet
-from render.moving.shadow_rays import LOOSE, UNKNOWN
+from render.moving.shadow_rays import LOOSE, UNKNOWN, turn_of
 from render.rays.embree import PACKET
 from render.rays.row_order import row_order
 from render.rays.surface_rows import FIELDS, LANES, SIDE
@@ -29,12 +29,19 @@ def soften(
     shared: _BYTES,
     eye: _FLOATS,
     pixel_rad: float,
+    side: int,
+    turns: int,
     softened: _BYTES,
 ) -> None:  # pragma: no cover - compiled
-    """Fill `softened` with means of `shared` over like pixels of a lane; UNKNOWN without any."""
+    """Fill `softened` with means of `shared` over like pixels of a lane; UNKNOWN without any.
+
+    Lanes are left out whose turn is none of so many.
+    """
     order = row_order(1, surfaces.shape[0] - 1)
     for k in prange(len(order)):
-        _soften_row(surfaces, is_open, shared, eye, np.float32(pixel_rad), order[k], softened)
+        _soften_row(
+            surfaces, is_open, shared, eye, np.float32(pixel_rad), side, turns, order[k], softened
+        )
 
 
 @njit(nogil=True, error_model="numpy")
@@ -44,6 +51,8 @@ def _soften_row(
     shared: _BYTES,
     eye: _FLOATS,
     pixel_rad: np.float32,
+    side: int,
+    turns: int,
     row: int,
     softened: _BYTES,
 ) -> None:  # pragma: no cover - compiled
@@ -55,6 +64,8 @@ def _soften_row(
     for k in range(PACKET * slots):
         is_own[k] = (row + 1 + k // slots) % 2 == 0
     for lane in range(LANES):
+        if turn_of(lane, side) >= turns:
+            continue
         x, y = lane % SIDE - SIDE, lane // SIDE - SIDE
         for first in range(1, surfaces.shape[3] - 1, PACKET):
             open_there = is_open[row, first : first + PACKET]

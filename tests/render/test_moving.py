@@ -115,10 +115,12 @@ def test_a_picture_depends_on_its_own_lights_alone(ball):
     np.testing.assert_array_equal(ball.render(lights), before)
 
 
-@pytest.mark.parametrize(("count", "keys", "side"), [(64, 0, 4), (65, 3, 4), (7, 2, 2), (3, 3, 4)])
-def test_every_light_has_one_turn(count, keys, side):
+@pytest.mark.parametrize(
+    ("count", "keys", "side"), [(64, 0, 4), (65, 3, 4), (9, 2, 4), (7, 2, 2), (3, 3, 4)]
+)
+def test_every_light_has_one_turn_and_no_turn_is_empty(count, keys, side):
     per_turn, chosen = take_turns(count, keys, side)
-    assert len(chosen) == keys + per_turn * side**2
+    assert len(chosen) == keys + per_turn * min(side**2, count - keys)
     assert sorted(chosen[chosen >= 0]) == list(range(count))
     assert list(chosen[:keys]) == list(range(keys))
 
