@@ -47,7 +47,7 @@ def ask_for_unknown(
     while step < count and lacking > 0:
         valid[:] = 0
         ray = 0
-        while step < count and ray < PACKET:
+        while step < count and ray < PACKET and lacking > 0:
             light = step % turns * (count // turns) + step // turns
             at = start + light
             weight = weights[0, at] + weights[1, at] + weights[2, at]

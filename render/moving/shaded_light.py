@@ -33,7 +33,7 @@ _FLOATS = NDArray[np.float32]
 _BYTES = NDArray[np.uint8]
 _FLAGS = NDArray[np.bool_]
 _LEAST_KNOWN = np.float32(0.5)  # of the light without shadow; below that a pixel asks for itself
-_ENOUGH_KNOWN = np.float32(0.8)  # of it, when it has asked
+_ENOUGH_KNOWN = np.float32(0.7)  # of it, when it has asked
 _SHARE = np.float32(1 / ALL_PASSES)
 
 
