@@ -24,7 +24,7 @@ from render.scenes.scene import Camera, Scene
 ERROR = 0.01
 """Relative error that a truth is traced to: it is known, and taken off."""
 
-MOST_SECONDS = 20.0
+MOST_SECONDS = 60.0
 """Time after which it is good enough."""
 
 _CODE = tuple(Path(__file__).parents[1] / name for name in ("reference", "rays", "scenes"))
