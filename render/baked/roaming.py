@@ -23,7 +23,7 @@ from render.baked.transport_kernel import TILE, trace_transport
 from render.lights.light_map import map_of_lights
 from render.lights.map_pyramid import map_pyramid
 from render.lights.peaks import without_peaks
-from render.moving.reflected_map import add_reflected_map
+from render.moving.reflected_map import ReflectedMap
 from render.moving.shared_rays import DEFAULT_EFFORT, SharedRays
 from render.moving.surroundings import mark_surfaces, show_map
 from render.owner import Owner
@@ -52,6 +52,7 @@ class RoamingRenderer(Owner):
         self._cells = SkyCells(scene, _WIDEST)
         self._transport = trace_points(self._traced, self._points, self._cells.rays)
         self._rays = SharedRays(DEFAULT_EFFORT)
+        self._mirrors = ReflectedMap()
         self._surfaces = np.zeros((0, 0, 0, 0), np.float32)
         self._floor_shade: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
         self._light = np.zeros((0, 3))
@@ -83,7 +84,7 @@ class RoamingRenderer(Owner):
             background = with_ground(background, floor)
         shown = map_of_lights(lights, _MAP_ROWS) if background is None else background
         rest, narrow = without_peaks(shown, narrow)
-        add_reflected_map(
+        self._mirrors.add(
             self._traced, self._surfaces, camera.eye, map_pyramid(rest),
             None if through_ground else ground, picture, rough_alpha=np.inf,
         )  # fmt: skip

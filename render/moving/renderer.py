@@ -19,7 +19,7 @@ from render.lights.all_lights import all_lights, unshaded_ground
 from render.lights.discs import Discs
 from render.lights.map_pyramid import map_pyramid
 from render.lights.peaks import ROUGH_ALPHA, without_peaks
-from render.moving.reflected_map import add_reflected_map
+from render.moving.reflected_map import ReflectedMap
 from render.moving.shared_rays import DEFAULT_EFFORT, Effort, SharedRays
 from render.moving.surroundings import mark_surfaces, show_map
 from render.owner import Owner
@@ -56,6 +56,7 @@ class MovingRenderer(Owner):
         self._samples_per_axis = samples_per_axis
         self._traced = TracedScene(scene)
         self._rays = SharedRays(effort)
+        self._mirrors = ReflectedMap()
         self._floor_rays = effort.floor_rays
         self._set_camera(camera)
 
@@ -96,7 +97,7 @@ class MovingRenderer(Owner):
             background = with_ground(background, floor)
         if background is not None:
             rest, discs = without_peaks(background, discs)
-            add_reflected_map(
+            self._mirrors.add(
                 self._traced, self._surfaces, self._camera.eye, map_pyramid(rest),
                 None if through_ground else ground, picture,
             )  # fmt: skip

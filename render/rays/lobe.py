@@ -31,6 +31,17 @@ def lobe_points(count: int) -> NDArray[np.float64]:
     return np.stack([step / count, step * (3 - math.sqrt(5)) / 2 % 1], axis=-1)
 
 
+def on_disc(points: NDArray[np.float64]) -> _FLOATS:
+    """Return points (…, 2) as `lobe_rays` takes them: on the unit disc, and half its chord there.
+
+    (…, 3): aside, up, and how far up the disc reaches at `aside`.
+    """
+    radius, turn = np.sqrt(points[..., 0]), 2 * math.pi * points[..., 1]
+    aside = radius * np.cos(turn)
+    half_chord = np.sqrt(np.maximum(1 - aside**2, 0))
+    return np.stack([aside, radius * np.sin(turn), half_chord], axis=-1).astype(np.float32)
+
+
 @njit(nogil=True)
 def meets(
     part: _FLOATS, i: int, x: float, y: float, z: float, sphere: _FLOATS
@@ -104,8 +115,7 @@ def lobe_ray(
 @njit(nogil=True, fastmath=_LOOSE, error_model="numpy")
 def lobe_rays(
     part: _FLOATS,
-    a: float,
-    b: float,
+    points: _FLOATS,
     count: int,
     sphere: _FLOATS,
     rays: _FLOATS,
@@ -114,17 +124,16 @@ def lobe_rays(
 ) -> None:  # pragma: no cover - compiled
     """Aim a packet of `rays` as `lobe_ray` does each, and mark those that meet a sphere.
 
-    `passed` (3, 16) is set to G₂/G₁, (1 − v·h)⁵ and sr to look up. All is float32, and vectorised.
+    `points` (3, 16) are each surface's own, as `on_disc` has them. `passed` (3, 16) is set to
+    G₂/G₁, (1 − v·h)⁵ and sr to look up. All is float32, and vectorised.
     """
     zero, one, two = np.float32(0), np.float32(1), np.float32(2)
-    radius, turn = math.sqrt(a), 2 * math.pi * b
-    aside = radius * math.cos(turn)
-    t1, up = np.float32(aside), np.float32(radius * math.sin(turn))
-    half_chord = np.float32(math.sqrt(max(1 - aside * aside, 0.0)))
     full_share = np.float32(_OVERLAP * 2 * math.pi / count)
     # Rows a known way apart in a line, or the loop is not vectorised for fear of overlaps.
     surface, ray, out = part.reshape(-1), rays.reshape(-1), passed.reshape(-1)
+    point = points.reshape(-1)
     for i in range(np.uint64(PACKET)):
+        t1, up, half_chord = point[_ROW[0] + i], point[_ROW[1] + i], point[_ROW[2] + i]
         nx, ny, nz = surface[_ROW[3] + i], surface[_ROW[4] + i], surface[_ROW[5] + i]
         sign = one if nz >= 0 else -one
         c = -one / (sign + nz)

@@ -9,7 +9,7 @@ from render.lights.map_places import place_on_map
 from render.lights.map_pyramid import around
 from render.rays.background import map_coordinates
 from render.rays.embree import PACKET, packet
-from render.rays.lobe import lobe_points, lobe_ray, lobe_rays, meets
+from render.rays.lobe import lobe_points, lobe_ray, lobe_rays, meets, on_disc
 
 pytestmark = pytest.mark.slow  # compiling takes seconds
 
@@ -36,7 +36,8 @@ def test_a_packet_of_a_lobe_is_what_its_rays_are(alpha):
     passed = np.empty((3, PACKET), np.float32)
     some = 0
     for a, b in lobe_points(8):
-        lobe_rays(part, a, b, 8, sphere, rays, valid, passed)
+        points = np.repeat(on_disc(np.array([a, b]))[:, None], PACKET, axis=1)
+        lobe_rays(part, points, 8, sphere, rays, valid, passed)
         for i in range(PACKET):
             x, y, z, weight, c5, share = lobe_ray(part, i, a, b, 8)
             assert passed[0, i] == pytest.approx(weight, abs=1e-4)
