@@ -27,8 +27,12 @@ LOBE_FIELDS = 9
 by F0 (3) and by F90 (3)."""
 
 _TENT = np.outer([1, 2, 1], [1, 2, 1]).astype(np.float32)
+_LEAST_ALPHA2 = np.float32(1e-10)
 _ALIKE = np.float32(2)  # α² over another's, at most
-_MOST_TURN2 = np.float32(1)  # square of the angle between what they mirror, over α²
+_MOST_TURN2 = np.float32(2)
+"""Square of the angle between what pixels mirror, over α², from which they lend each other nothing.
+
+Nearer to it they lend less and less, or what is lent from one side alone would be seen."""
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model="numpy")
@@ -108,7 +112,7 @@ def _compare(
     tent: np.float32,
     weight: _FLOATS,
 ) -> None:  # pragma: no cover - compiled
-    """Set `weight` (16,) to `tent` for neighbours that mirror about the same, to 0 for others."""
+    """Set `weight` (16,) to `tent` for neighbours that mirror the same, to less for others."""
     here, there = np.uint64(first), np.uint64(at)
     for i in range(np.uint64(PACKET)):
         dx = others[TOWARD, there + i] - own[TOWARD, here + i]
@@ -120,9 +124,10 @@ def _compare(
             & (others_alpha2 < rough_alpha2)
             & (others_alpha2 <= _ALIKE * alpha2)
             & (alpha2 <= _ALIKE * others_alpha2)
-            & (dx * dx + dy * dy + dz * dz <= _MOST_TURN2 * alpha2)
         )
-        weight[i] = tent * np.float32(lends)
+        most2 = _MOST_TURN2 * max(alpha2, _LEAST_ALPHA2)
+        part_of_most = (dx * dx + dy * dy + dz * dz) / most2
+        weight[i] = tent * np.float32(lends) * max(np.float32(1) - part_of_most, np.float32(0))
 
 
 @njit(nogil=True, fastmath=LOOSE, error_model="numpy")

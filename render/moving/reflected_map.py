@@ -52,7 +52,9 @@ _FEW_RAYS = 4
 _SHARERS = 4  # 2 × 2 pixels
 _WEAK_F0 = 0.1  # of dielectrics: what they mirror is little beside what they scatter
 
-_MOST_TURN2 = np.float32(0.25)  # square of the angle between what neighbours mirror, over α²
+_MOST_TURN2, _MOST_TURN2_OF_WEAK = np.float32(0.25), np.float32(1)
+"""Square of the angle between what neighbours mirror, over α², up to which they share rays."""
+
 _FIRST_SHARE = 4  # of rays alone, one in so many are traced first
 
 _PLACE = 3 * 4 + 1  # rows of a surface as lobe_rays takes it
@@ -144,9 +146,10 @@ def _trace_lobes(
             _place(seen, eye, np.float32(offset_m), part, mirrored)
             is_weak = seen[F0 : F0 + 3].max() < _WEAK_F0
             own, shared = few_points if is_weak else points
+            is_alone = _turn2(part, mirrored) > (_MOST_TURN2_OF_WEAK if is_weak else _MOST_TURN2)
             _mirror(
-                function, scene, sphere, part, own if _differ(part, mirrored) else shared,
-                len(own), levels, starts, ground, rays, valid, mirrored,
+                function, scene, sphere, part, own if is_alone else shared, len(own),
+                levels, starts, ground, rays, valid, mirrored,
             )  # fmt: skip
             for lane in range(LANES):
                 if part[12, lane] > 0:
@@ -155,9 +158,9 @@ def _trace_lobes(
 
 
 @njit(nogil=True, error_model="numpy")
-def _differ(part: _FLOATS, mirrored: _FLOATS) -> bool:  # pragma: no cover - compiled
-    """Whether neighbours mirror parts of the map further apart than their lobes reach."""
-    turn2, alpha2 = np.float32(0), np.float32(0)
+def _turn2(part: _FLOATS, mirrored: _FLOATS) -> np.float32:  # pragma: no cover - compiled
+    """Return the mean square of the angle between what neighbours mirror, over that of α²."""
+    turn2, alpha2 = np.float32(0), np.float32(1e-30)
     for i in range(PACKET):
         for other, exists in ((i + 1, i % SIDE < SIDE - 1), (i + SIDE, i < LANES - SIDE)):
             if exists and part[12, i] > 0 and part[12, other] > 0:
@@ -165,7 +168,7 @@ def _differ(part: _FLOATS, mirrored: _FLOATS) -> bool:  # pragma: no cover - com
                     between = mirrored[TOWARD + axis, other] - mirrored[TOWARD + axis, i]
                     turn2 += between**2
                 alpha2 += part[12, i]
-    return bool(turn2 > _MOST_TURN2 * alpha2)
+    return np.float32(turn2 / alpha2)
 
 
 @njit(nogil=True, error_model="numpy")
