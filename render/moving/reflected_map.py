@@ -2,12 +2,12 @@
 
 As in render/baked/gloss.py, with fewer rays, all of them new in every picture. Those of a tile are
 traced and looked up sixteen at a time. Where pixels side by side mirror about the same part of the
-map, four share a lobe's rays. Of a lobe's rays those that come first tell whether anything stops
-some; only then are the others traced.
+map, the sixteen share a lobe, each with a few rays of its own part. Of a lobe's rays those that
+come first tell whether anything stops some; only then are the others traced.
 
 Input  : surfaces, as `first_hits` finds them; a map's pyramid.    Output : radiance.
-Cost   : about 0.15 µs a ray, tracing and looking up. A metal's lobe has 12, a dielectric's 4; of
-         those shared, a pixel has a quarter.
+Cost   : about 0.15 µs a ray, tracing and looking up. A pixel of metal has 12, one of a dielectric
+         4; where they share, a quarter of that.
 Fails  : no object is seen in another; below the horizon a ground is seen as if nothing stood on it.
          What hides a part of the map that is narrower than the first rays are apart may be missed.
 """
@@ -49,10 +49,15 @@ _FLOATS = NDArray[np.float32]
 
 _RAYS = 12
 _FEW_RAYS = 4
-_SHARERS = 4  # 2 × 2 pixels
+_SPARED = 4  # where pixels share a lobe, each sends one in so many rays
+_QUARTERS = np.array([[0, 1, 2, 3], [2, 3, 0, 1], [1, 0, 3, 2], [3, 2, 1, 0]])
+_PARTS = np.array([[0, 2, 3, 1], [2, 0, 1, 3], [1, 3, 2, 0], [3, 1, 0, 2]])
+"""Which quarter of a lobe each pixel of a tile has, and which part of it: Graeco-Latin squares, so
+that those of every row, column and square of 2 × 2 are spread around it."""
+_GOLDEN = (math.sqrt(5) - 1) / 2
 _WEAK_F0 = 0.1  # of dielectrics: what they mirror is little beside what they scatter
 
-_MOST_TURN2, _MOST_TURN2_OF_WEAK = np.float32(0.25), np.float32(1)
+_MOST_TURN2, _MOST_TURN2_OF_WEAK = np.float32(0.1), np.float32(0.5)
 """Square of the angle between what neighbours mirror, over α², up to which they share rays."""
 
 _FIRST_SHARE = 4  # of rays alone, one in so many are traced first
@@ -103,17 +108,17 @@ class ReflectedMap:
 
 @cache
 def _points(count: int) -> tuple[_FLOATS, _FLOATS]:
-    """Return the points of a lobe that a pixel has alone, and those that four pixels share.
+    """Return the points of a lobe that a pixel has alone, and those that all of a tile share.
 
-    In turn, of every pixel of a tile, (count, 3, LANES) and (count / 4, 3, LANES). The first are
-    spread over a lobe: the outermost of its own, or in a tile all that there are.
+    In turn, of every pixel, (count, 3, LANES) and (count / _SPARED, 3, LANES). A pixel's own begin
+    with the outermost; the first of those shared are all on the inmost ring, spread around it.
     """
-    points = on_disc(lobe_points(count))
-    own = np.broadcast_to(points[::-1, :, None], (count, 3, LANES))
-    y, x = np.divmod(np.arange(LANES), SIDE)
-    sharer, square = 2 * (y % 2) + x % 2, y // 2 + x // 2
-    turns = (np.arange(count // _SHARERS)[:, None] + square) % (count // _SHARERS)
-    shared = points[_SHARERS * turns + sharer].swapaxes(1, 2)
+    own = np.broadcast_to(on_disc(lobe_points(count))[::-1, :, None], (count, 3, LANES))
+    turn = np.arange(count // _SPARED)[:, None]
+    quarter, part = _QUARTERS.ravel(), _PARTS.ravel()
+    area = (turn + (SIDE * part + quarter + 0.5) / LANES) / len(turn)
+    around = ((SIDE * quarter + part + 0.5) / LANES + turn * _GOLDEN) % 1
+    shared = on_disc(np.stack([area, around], axis=-1)).swapaxes(1, 2)
     return np.ascontiguousarray(own), np.ascontiguousarray(shared)
 
 

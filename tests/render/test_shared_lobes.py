@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from render.moving.lobe_sharing import FACING, GRAZING, LOBE_FIELDS, TOWARD, add_shared_lobes
-from render.moving.reflected_map import _points
+from render.moving.reflected_map import _GOLDEN, _points
 from render.rays.lobe import lobe_points, on_disc
 from render.rays.surface_rows import ALPHA2, F0, F90, GLOSSY, KIND, LANES, SIDE, empty_surfaces
 
@@ -35,14 +35,10 @@ def shown(facing, grazing=0.0, toward=(0, 1, 0), alpha2=0.01, f0=1.0, f90=0.0):
     return picture[..., 0]
 
 
-def sharers():
-    y, x = np.mgrid[:HEIGHT, :WIDTH]
-    return 2 * (y % 2) + x % 2
-
-
-def test_a_pixel_has_what_all_four_sharers_saw():
-    seen = np.array([1.0, 2.0, 4.0, 8.0])[sharers()]
-    assert_allclose(shown(seen)[1:-1, 1:-1], 15 / 4, rtol=1e-6)
+def test_a_pixel_has_what_all_sixteen_sharers_saw():
+    saw = np.arange(16.0).reshape(4, 4) ** 2
+    seen = np.tile(saw, (HEIGHT // 4, WIDTH // 4))
+    assert_allclose(shown(seen)[2:-2, 2:-2], saw.mean(), rtol=1e-6)
 
 
 def test_each_pixel_reflects_by_its_own_material():
@@ -73,12 +69,16 @@ def test_what_mirrors_another_part_of_the_map_lends_nothing(other):
 
 
 @pytest.mark.parametrize("count", [4, 12])
-def test_four_pixels_share_all_rays_of_a_lobe(count):
-    """And the first rays of a tile's pixels are all of them: little is overlooked."""
+def test_a_tile_shares_all_parts_of_a_lobe(count):
+    """Sixteen times as many as each pixel has; in a row, column or square, of every quarter."""
     own, shared = _points(count)
     expected = sorted(map(tuple, on_disc(lobe_points(count))))
     assert_array_equal(sorted(map(tuple, own[:, :, 5])), expected)
-    for first in (0, 2, 8, 10):
-        square = shared[:, :, [first, first + 1, first + SIDE, first + SIDE + 1]]
-        assert_array_equal(sorted(map(tuple, square.swapaxes(1, 2).reshape(-1, 3))), expected)
-    assert sorted(set(map(tuple, shared[0].T))) == expected
+    area = np.sort((shared[:, 0] ** 2 + shared[:, 1] ** 2).ravel())
+    assert_allclose(area, (np.arange(4 * count) + 0.5) / (4 * count), atol=1e-6)
+    for number, ring in enumerate(shared):
+        turn = np.arctan2(ring[1], ring[0]) / (2 * np.pi) - number * _GOLDEN
+        quarter = (4 * (turn % 1)).astype(int)
+        square = quarter.reshape(2, 2, 2, 2).swapaxes(1, 2).reshape(4, 4)
+        for lines in (quarter.reshape(4, 4), quarter.reshape(4, 4).T, square):
+            assert np.all(np.sort(lines, axis=1) == np.arange(4))
