@@ -11,7 +11,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from render.baked.surface_points import GRIDS
-from render.moving.shadow_rays import LOOSE
+from render.loose_arithmetic import LOOSE
 from render.rays.row_order import row_order
 from render.rays.surface_rows import (
     F0,

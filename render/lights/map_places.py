@@ -14,9 +14,10 @@ from numpy.polynomial import Polynomial
 from numpy.polynomial.chebyshev import Chebyshev
 from numpy.typing import NDArray
 
+from render.loose_arithmetic import LOOSE
+
 _FLOATS = NDArray[np.float32]
 
-_LOOSE = {"contract", "reassoc", "nnan", "ninf", "nsz", "arcp"}
 _HALF_BY_PI = np.float32(0.5 / math.pi)
 _TINY = np.float32(1e-30)
 
@@ -40,7 +41,7 @@ _LOG2 = (
 )
 
 
-@njit(nogil=True, fastmath=_LOOSE, error_model="numpy")
+@njit(nogil=True, fastmath=LOOSE, error_model="numpy")
 def place_on_map(
     directions: _FLOATS, share_sr: _FLOATS, places: _FLOATS
 ) -> None:  # pragma: no cover - compiled
@@ -67,7 +68,7 @@ def place_on_map(
         places[3, i] = half * (exponent + log2)
 
 
-@njit(nogil=True, fastmath=_LOOSE, error_model="numpy", inline="always")
+@njit(nogil=True, fastmath=LOOSE, error_model="numpy", inline="always")
 def angle_of(a: np.float32, b: np.float32) -> np.float32:  # pragma: no cover - compiled
     """Return atan2(a, b), off by less than 1e-6."""
     one = np.float32(1)

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from lighting.maps.environment import EnvironmentMap
 from lighting.sphere.latlong import solid_angles
+from render.loose_arithmetic import LOOSE
 
 _FLOATS = NDArray[np.float32]
 _RGB = tuple[np.float32, np.float32, np.float32]
 
-_LOOSE = {"contract", "reassoc", "nnan", "ninf", "nsz", "arcp"}
 
 _LEAST_OCTAVE = 2
 _LEAST_ROWS = 1 << _LEAST_OCTAVE
@@ -102,7 +102,7 @@ def around(
     return np.float32(turn), np.float32(math.log2(max(width_rad, 1e-9) / math.pi))
 
 
-@njit(nogil=True, fastmath=_LOOSE, error_model="numpy")
+@njit(nogil=True, fastmath=LOOSE, error_model="numpy")
 def mean_over(
     levels: _FLOATS,
     starts: NDArray[np.int64],
@@ -136,7 +136,7 @@ def mean_over(
     return red, green, blue
 
 
-@njit(nogil=True, fastmath=_LOOSE, error_model="numpy")
+@njit(nogil=True, fastmath=LOOSE, error_model="numpy")
 def _bilinear(
     levels: _FLOATS, start: int, rows: int, u: np.float32, v: np.float32
 ) -> _RGB:  # pragma: no cover - compiled

@@ -15,7 +15,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from render.moving.shadow_rays import CURVE, HALF, IRRADIANCE, LOOSE, MIRRORED, SINE, SPREAD
+from render.loose_arithmetic import LOOSE
+from render.moving.shadow_rays import CURVE, HALF, IRRADIANCE, MIRRORED, SINE, SPREAD
 from render.rays.surface_rows import ALPHA2, F0, F90, FACE_NORMAL, MATT, NORMAL
 
 _FLOATS = NDArray[np.float32]

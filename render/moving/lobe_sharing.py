@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from render.moving.shadow_rays import LOOSE
+from render.loose_arithmetic import LOOSE
 from render.rays.embree import PACKET
 from render.rays.row_order import row_order
 from render.rays.surface_rows import ALPHA2, F0, F90, GLOSSY, KIND, LANES, SIDE

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from render.moving.shadow_rays import LOOSE
+from render.loose_arithmetic import LOOSE
 from render.rays.embree import PACKET
 from render.rays.surface_rows import FIELDS, KIND, LANES, NORMAL, NOTHING, POSITION, SIDE
 

@@ -10,9 +10,10 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from render.loose_arithmetic import LOOSE
 from render.moving.light_weights import weigh_dull
 from render.moving.neighbours import find_turns, low
-from render.moving.shadow_rays import ALL_PASSES, LOOSE, turn_of
+from render.moving.shadow_rays import ALL_PASSES, turn_of
 from render.rays.embree import PACKET
 from render.rays.row_order import row_order
 from render.rays.surface_rows import (

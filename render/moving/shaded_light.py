@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from render.loose_arithmetic import LOOSE
 from render.moving.light_weights import weigh_dull, weigh_glossy, weighed_sum
 from render.moving.neighbours import (
     average_keys,
@@ -24,7 +25,7 @@ from render.moving.neighbours import (
     low,
 )
 from render.moving.own_rays import ask_for_unknown
-from render.moving.shadow_rays import ALL_PASSES, LOOSE, UNKNOWN
+from render.moving.shadow_rays import ALL_PASSES, UNKNOWN
 from render.rays.embree import PACKET, packet
 from render.rays.row_order import row_order
 from render.rays.surface_rows import FIELDS, GLOSSY, KIND, LANES, MATT, NORMAL, NOTHING, SIDE

@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from render.loose_arithmetic import LOOSE
 from render.rays.embree import PACKET, coherent16, occluded16, packet
 from render.rays.row_order import row_order
 from render.rays.surface_rows import (
@@ -29,9 +30,6 @@ from render.rays.surface_rows import (
 _FLOATS = NDArray[np.float32]
 _BYTES = NDArray[np.uint8]
 _FAR_M = np.float32(1e30)
-LOOSE = {"contract", "reassoc", "nnan", "ninf", "nsz", "arcp"}
-"""Freedoms of arithmetic under which loops and sums are vectorised; nothing here is NaN."""
-
 POINTS = 16
 """Points of a disc that neighbouring pixels take turns in."""
 

@@ -13,7 +13,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from render.lights.map_places import angle_of
-from render.moving.shadow_rays import LOOSE
+from render.loose_arithmetic import LOOSE
 from render.rays.row_order import row_order
 from render.rays.surface_rows import GROUND, KIND, NOTHING, POSITION, SIDE
 

@@ -11,12 +11,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from render.loose_arithmetic import LOOSE
 from render.rays.embree import PACKET
 from render.rays.tangent_frame import tangent_frame
 
 _FLOATS = NDArray[np.float32]
 
-_LOOSE = {"contract", "reassoc", "nnan", "ninf", "nsz", "arcp"}
 
 _ROW = tuple(np.uint64(PACKET * row) for row in range(13))
 
@@ -112,7 +112,7 @@ def lobe_ray(
     return x, y, z, lz * (vz + g_v) / (vz * g_l + lz * g_v), (1 - v_h) ** 5, share
 
 
-@njit(nogil=True, fastmath=_LOOSE, error_model="numpy")
+@njit(nogil=True, fastmath=LOOSE, error_model="numpy")
 def lobe_rays(
     part: _FLOATS,
     points: _FLOATS,

@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from render.loose_arithmetic import LOOSE
 from render.rays.surface_rows import (
     ALPHA2,
     DULL,
@@ -37,7 +38,6 @@ of a tile are."""
 
 _AT = tuple(np.uint64(LANES * row) for row in range(ROWS))  # known apart, for vector loops
 _DIELECTRIC_F0 = np.float32(0.04)  # refractive index 1.5, as in glTF
-_LOOSE = {"contract", "reassoc", "nnan", "ninf", "nsz", "arcp"}
 _TINY = np.float32(1e-30)
 _BY_PI = np.float32(1 / math.pi)
 
@@ -105,7 +105,7 @@ def place_on_triangles(
     return is_met, is_textured
 
 
-@njit(nogil=True, fastmath=_LOOSE, error_model="numpy")
+@njit(nogil=True, fastmath=LOOSE, error_model="numpy")
 def face_viewer(view: _FLOATS, seen: _FLOATS) -> None:  # pragma: no cover - compiled
     """Turn both normals of triangles to the viewer's side, as gbuffer.frag has them; make them 1.
 
@@ -222,7 +222,7 @@ def add_textures(
             seen[_AT[F0] + i] *= of_metal
 
 
-@njit(nogil=True, fastmath=_LOOSE, error_model="numpy")
+@njit(nogil=True, fastmath=LOOSE, error_model="numpy")
 def reflect_as_painted(
     seen: _FLOATS, seen_words: NDArray[np.int32]
 ) -> None:  # pragma: no cover - compiled
