@@ -22,12 +22,14 @@ from lighting.light_set import LightSet
 from render.baked.renderer import BakedRenderer
 from render.baked.roaming import RoamingRenderer
 from render.moving import reflected_map
+from render.moving.lobe_sharing import FACING, GRAZING
 from render.moving.renderer import MovingRenderer
 from render.moving.shared_rays import Effort
 from render.opengl.context import create_context, describe
 from render.opengl.gbuffer import GBuffer
 from render.opengl.renderer import Renderer
 from render.opengl.shadows import ShadowAtlas
+from render.rays.surface_rows import ALPHA2, F0, F90, GLOSSY, KIND, in_picture
 from render.scenes.casters import gather_casters
 from render.scenes.default_scene import default_scene, sphere
 from render.scenes.scene import Camera, Ground, Material, Scene
@@ -144,7 +146,8 @@ def _moving(repeats: int) -> list[dict[str, Any]]:
 def _roaming(repeats: int) -> list[dict[str, Any]]:
     """Error and CPU time as in `_moving`, of what stands; the light changes in every picture.
 
-    With mirrors, which show other things here than there, it is the error beside lobes of 256 rays.
+    With mirrors, which show other things here than there, it is the error beside lobes of 256 rays
+    that no other pixel shares.
     """
     scene, camera = default_scene()
     around = [replace(camera, eye=camera.eye + 0.02 * step) for step in range(repeats)]
@@ -161,9 +164,10 @@ def _roaming(repeats: int) -> list[dict[str, Any]]:
     ):
 
         def many_rays(lights: LightSet) -> NDArray[np.float32]:
+            own, _ = reflected_map._points(256)
             with (
-                patch.object(reflected_map, "_RAYS", 256),
-                patch.object(reflected_map, "_FEW_RAYS", 256),
+                patch.object(reflected_map, "_points", lambda _: (own, own)),
+                patch.object(reflected_map, "add_shared_lobes", _add_own_lobes),
             ):
                 return with_mirrors.render(camera, lights)
 
@@ -182,6 +186,22 @@ def _roaming(repeats: int) -> list[dict[str, Any]]:
             row = _row(f"camera moves, {name}, {kind}, CPU time", "points and rays", ms)
             rows.append({**row, "accuracy": {"rel. RMSE": error}})
     return rows
+
+
+def _add_own_lobes(
+    surfaces: NDArray[np.float32],
+    lobes: NDArray[np.float32],
+    rough_alpha2: float,
+    picture: NDArray[np.float32],
+) -> None:
+    """As `add_shared_lobes`, of what each pixel saw by itself."""
+    size_px = picture.shape[1], picture.shape[0]
+    seen, saw = in_picture(surfaces, size_px), in_picture(lobes, size_px)
+    mirrors = (seen[..., KIND] == GLOSSY) & (seen[..., ALPHA2] < rough_alpha2)
+    for c in range(3):
+        facing, grazing = saw[..., FACING + c], saw[..., GRAZING + c]
+        reflected = seen[..., F0 + c] * facing + seen[..., F90] * grazing
+        picture[mirrors, c] += reflected[mirrors]
 
 
 def light_cases() -> dict[str, LightSet]:
