@@ -1,7 +1,7 @@
 """A picture of everything that OpenGL draws, as it was when somebody last looked at it.
 
-Laws and closed forms are tested elsewhere: this sees what nobody thought of. Where the golden picture
-is missing it is made anew, to be looked at and committed.
+Laws and closed forms are tested elsewhere: this sees what nobody thought of. Where the golden
+picture is missing it is made anew, to be looked at and committed.
 """
 
 from pathlib import Path
