@@ -7,19 +7,21 @@
 
 Input  : a scene; camera, lights and map of each picture.    Output : linear radiance, in order.
 Fails  : rays and OpenGL agree within a few per cent, not to the bit. With OpenGL a floor that only
-         carries shadows cannot be had, and a context that is lost ends the replay.
+         carries shadows cannot be had, and a second context that is lost ends the replay.
 """
 
 from abc import abstractmethod
 from collections import deque
+from collections.abc import Callable
 from typing import Generic, TypeVar
 
+import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.light_set import LightSet
 from lighting.maps.environment import EnvironmentMap
-from render.opengl.context import create_context, describe
+from render.opengl.context import NO_ERROR, GlUnavailable, create_context, describe
 from render.opengl.picture_stream import BEHIND, PictureStream, StreamedPicture
 from render.opengl.renderer import Renderer
 from render.owner import Owner
@@ -30,6 +32,8 @@ from render.session import StageClock
 Picture = NDArray[np.float32]
 
 Name = TypeVar("Name")
+
+_Ask = Callable[[], list[StreamedPicture]]
 
 
 class Pictures(Owner, Generic[Name]):
@@ -93,7 +97,8 @@ class RayPictures(Pictures[Name]):
 class OpenGLPictures(Pictures[Name]):
     """Pictures of a `PictureStream`, each `BEHIND` later.
 
-    What the device took for each part of a picture is a stage of the frame that gets it.
+    What the device took for each part of a picture is a stage of the frame that gets it. Pictures
+    that are lost with their context are drawn once more in another.
 
     Parameters
     ----------
@@ -104,7 +109,7 @@ class OpenGLPictures(Pictures[Name]):
     Raises
     ------
     GlUnavailable
-        If there is no OpenGL.
+        If there is no OpenGL; from pictures, if a second context is lost.
     """
 
     def __init__(self, scene: Scene, frame_rate_hz: float | None) -> None:
@@ -112,10 +117,11 @@ class OpenGLPictures(Pictures[Name]):
         self._frame_rate_hz = frame_rate_hz
         self._context = create_context()
         self.about = f"OpenGL, {BEHIND} brackets behind: {describe(self._context)}"
+        self._was_lost = False
         self._camera: Camera | None = None
         self._renderer: Renderer | None = None
         self._stream: PictureStream | None = None
-        self._names: deque[Name] = deque()
+        self._asked: deque[tuple[Name, LightSet, EnvironmentMap]] = deque()
 
     def draw(
         self,
@@ -127,33 +133,54 @@ class OpenGLPictures(Pictures[Name]):
     ) -> list[tuple[Name, Picture]]:
         """Return the picture before the last one, if there was one; all, for a new camera."""
         finished = [] if camera is self._camera else self.rest()
-        stream = self._stream_of(camera)
-        self._names.append(name)
-        streamed = stream.draw(lights, environment)
-        if streamed is not None:
-            for part, took_ms in streamed.device_ms.items():
+        if camera is not self._camera:
+            self._release_stream()
+            self._camera = camera
+        self._asked.append((name, lights, environment))
+        streamed = self._get(lambda: _some(self._drawing().draw(lights, environment)), _nothing)
+        for each in streamed:
+            for part, took_ms in each.device_ms.items():
                 clock.add(f"device {part}", took_ms)
-            finished.append(self._named(streamed))
-        return finished
+        return finished + self._named(streamed)
 
     def rest(self) -> list[tuple[Name, Picture]]:
         """Wait for the pictures that are on their way, and return them."""
-        streamed = () if self._stream is None else self._stream.rest()
-        return [self._named(each) for each in streamed]
+        return self._named(self._get(self._on_the_way, self._on_the_way)) if self._asked else []
 
     def release(self) -> None:
         """Free the context and what was made in it."""
         self._release_stream()
         self._context.release()
 
-    def _named(self, streamed: StreamedPicture) -> tuple[Name, Picture]:
-        return self._names.popleft(), streamed.picture
+    def _get(self, ask: _Ask, ask_once_more: _Ask) -> list[StreamedPicture]:
+        """Return what is asked for; if the context is lost, what another draws of all that was."""
+        try:
+            streamed = ask()
+            is_lost = self._context.error != NO_ERROR
+        except moderngl.Error:  # any other cause comes again
+            is_lost = True
+        if not is_lost:
+            return streamed
+        if self._was_lost:
+            raise GlUnavailable("OpenGL failed twice while it drew")
+        self._was_lost = True
+        self.release()
+        self._context = create_context()
+        streamed = []
+        for _, lights, environment in self._asked:
+            streamed += _some(self._drawing().draw(lights, environment))
+        return streamed + ask_once_more()
 
-    def _stream_of(self, camera: Camera) -> PictureStream:
-        if self._stream is None or camera is not self._camera:
-            self._release_stream()
-            self._camera = camera
-            self._renderer = Renderer(self._context, self._scene, camera)
+    def _on_the_way(self) -> list[StreamedPicture]:
+        return list(self._drawing().rest())
+
+    def _named(self, streamed: list[StreamedPicture]) -> list[tuple[Name, Picture]]:
+        return [(self._asked.popleft()[0], each.picture) for each in streamed]
+
+    def _drawing(self) -> PictureStream:
+        if self._stream is None:
+            assert self._camera is not None
+            self._renderer = Renderer(self._context, self._scene, self._camera)
             self._stream = PictureStream(self._context, self._renderer, self._frame_rate_hz)
         return self._stream
 
@@ -163,3 +190,11 @@ class OpenGLPictures(Pictures[Name]):
         if self._renderer is not None:
             self._renderer.release()
         self._stream = self._renderer = None
+
+
+def _some(streamed: StreamedPicture | None) -> list[StreamedPicture]:
+    return [] if streamed is None else [streamed]
+
+
+def _nothing() -> list[StreamedPicture]:
+    return []

@@ -21,7 +21,7 @@ _SETTINGS: tuple[dict[str, Any], ...] = (
     {"backend": "egl"},
     {"backend": "egl", "libgl": "libOpenGL.so.0", "libegl": "libEGL.so.1"},
 )
-_NO_ERROR = "GL_NO_ERROR"
+NO_ERROR = "GL_NO_ERROR"
 _SOFTWARE_NAMES = ("llvmpipe", "softpipe", "swrast")
 
 Drawn = TypeVar("Drawn")
@@ -65,13 +65,13 @@ def draw_in_context(draw: Callable[[moderngl.Context], Drawn]) -> Drawn:
     try:
         with create_context() as context:
             drawn = draw(context)
-            if context.error == _NO_ERROR:
+            if context.error == NO_ERROR:
                 return drawn
     except moderngl.Error:  # nothing can be made in a lost context; any other cause comes again
         pass
     with create_context() as context:
         drawn = draw(context)
-        if (error := context.error) == _NO_ERROR:
+        if (error := context.error) == NO_ERROR:
             return drawn
     raise GlUnavailable(f"OpenGL failed twice while it drew ({error})")
 

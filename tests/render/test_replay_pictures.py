@@ -4,6 +4,7 @@ from collections import deque
 from dataclasses import replace
 from itertools import chain
 
+import moderngl
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
@@ -12,6 +13,9 @@ from capture.errors import InputError
 from lighting.maps.environment import EnvironmentMap
 from lighting.stream.light_stream import LightPlan
 from render import replay as replaying
+from render import replay_pictures
+from render.opengl.context import GlUnavailable
+from render.opengl.picture_stream import PictureStream
 from render.opengl.renderer import Renderer
 from render.replay_pictures import OpenGLPictures, RayPictures
 from render.scene_renderer import SceneRenderer
@@ -52,6 +56,55 @@ def test_opengl_hands_out_each_picture_later_and_all_before_a_smaller_one(ctx):
         for name, picture in chain(*there, rest):
             renderer = large if CAMERAS[name] is CAMERA else small
             assert_array_equal(picture, renderer.render(LIGHTS[name], MAP))
+
+
+class Losing(PictureStream):
+    """Loses its context with some of its pictures, counted over all streams."""
+
+    at: tuple[int, ...] = ()
+    by_error = False
+    count = 0
+
+    def draw(self, lights, background=None):
+        Losing.count += 1
+        if Losing.count - 1 in Losing.at:
+            if Losing.by_error:
+                raise moderngl.Error("cannot create buffer")
+            self._context.enable_direct(0x1234)  # leaves an error, as a lost context does
+        return super().draw(lights, background)
+
+
+@pytest.fixture
+def losing(monkeypatch):
+    monkeypatch.setattr(replay_pictures, "PictureStream", Losing)
+    monkeypatch.setattr(Losing, "count", 0)
+    return lambda *at, by_error=False: (
+        monkeypatch.setattr(Losing, "at", at),
+        monkeypatch.setattr(Losing, "by_error", by_error),
+    )
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("by_error", [False, True])
+@pytest.mark.parametrize("at", [0, 2, 3])
+def test_pictures_that_a_lost_context_took_are_drawn_in_another(losing, at, by_error):
+    with OpenGLPictures(SCENE, None) as pictures:
+        whole, rest, _ = drawn(pictures)
+    losing(7 + at, by_error=by_error)
+    Losing.count = 7
+    with OpenGLPictures(SCENE, None) as pictures:
+        again, again_rest, _ = drawn(pictures)
+    for one, other in zip((*whole, rest), (*again, again_rest), strict=True):
+        assert [name for name, _ in one] == [name for name, _ in other]
+        for (_, picture), (_, twice) in zip(one, other, strict=True):
+            assert_array_equal(picture, twice)
+
+
+@pytest.mark.gl
+def test_a_second_context_that_is_lost_is_no_opengl(losing):
+    losing(1, 5)
+    with OpenGLPictures(SCENE, None) as pictures, pytest.raises(GlUnavailable, match="twice"):
+        drawn(pictures)
 
 
 def test_rays_draw_each_picture_at_once():
