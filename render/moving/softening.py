@@ -11,7 +11,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from render.moving.neighbours import compare, load_packet
-from render.moving.shadow_rays import turn_of
+from render.moving.shadow_rays import ALL_PASSES, UNKNOWN, turn_of
 from render.rays.embree import PACKET
 from render.rays.row_order import row_order
 from render.rays.surface_rows import FIELDS, LANES, SIDE
@@ -26,8 +26,10 @@ _WEIGHTS = np.array([1, 2, 1, 2, 4, 2, 1, 2, 1], np.uint16)
 
 # Two slots at once, a byte of a pair each. They are ALL_PASSES, 15 · 16, or 0: counted in
 # sixteenths, sums by weights up to 8 stay in bytes, and their means stay in pairs.
-_SIXTEENTHS, _LOW, _HIGH = np.uint16(0x0F0F), np.uint16(0x00FF), np.uint16(0xFF00)
-_HALF, _UNKNOWN_PAIR = np.uint16(0x0080), np.uint16(0xFFFF)
+_BOTH = 0x0101
+_SIXTEENTHS = np.uint16(ALL_PASSES // 16 * _BOTH)
+_LOW, _HIGH = np.uint16(0x00FF), np.uint16(0xFF00)
+_HALF, _UNKNOWN_PAIR = np.uint16(0x0080), np.uint16(UNKNOWN * _BOTH)
 _FOUR, _EIGHT, _FULL = np.uint16(4), np.uint16(8), np.float32(16 * 256)
 
 
@@ -43,7 +45,8 @@ def soften(
 ) -> None:
     """Fill `softened` with means of `shared` over like pixels of a lane; UNKNOWN without any.
 
-    Lanes are left out whose turn is none of so many. Slots come in pairs.
+    Lanes are left out whose turn is none of so many, and rows of a lane that show nothing. Slots
+    come in pairs.
     """
     _soften(
         surfaces, is_open, shared.view(np.uint16), eye, pixel_rad, side, turns,
