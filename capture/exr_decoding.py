@@ -57,6 +57,11 @@ def _crop(path: Path, header: dict[str, Any]) -> tuple[slice, slice]:
     check_size(path, width, height)
     if width * height * len(header["channels"]) > 8 * MAX_PIXELS:
         raise UnreadableFrame(f"{path}: {len(header['channels'])} channels of {width}×{height} px")
+    tiles = header.get("tiles")  # the library takes memory for a whole one
+    if tiles is not None and tiles.xSize * tiles.ySize > MAX_PIXELS:
+        raise UnreadableFrame(
+            f"{path}: damaged OpenEXR file (tiles of {tiles.xSize}×{tiles.ySize} px)"
+        )
     for channel in header["channels"]:
         if (channel.xSampling, channel.ySampling) != (1, 1):
             raise InputError(

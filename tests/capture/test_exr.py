@@ -151,6 +151,20 @@ def test_file_of_several_parts_is_refused(tmp_path: Path) -> None:
         read_exr(path)
 
 
+def test_a_tile_larger_than_any_picture_takes_no_memory(tmp_path: Path) -> None:
+    """Of 628 bytes, one took the library seconds and gigabytes before it gave up."""
+    path = tmp_path / "a.exr"
+    header = {"type": OpenEXR.tiledimage, "tiles": OpenEXR.TileDescription()}
+    with OpenEXR.File(header, {"Y": np.ones((40, 70), np.float32)}) as file:
+        file.write(str(path))
+    data = bytearray(path.read_bytes())
+    height = data.index(b"tiledesc\0") + len(b"tiledesc\0") + 4 + 4
+    data[height : height + 4] = (1 << 24).to_bytes(4, "little")
+    path.write_bytes(data)
+    with pytest.raises(UnreadableFrame, match="tiles of 32×16777216 px"):
+        read_exr(path)
+
+
 @pytest.mark.parametrize("kind", ["scan lines", "tiles"])
 def test_no_part_of_a_file_is_a_picture_and_nothing_else_is_printed(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], kind: str
